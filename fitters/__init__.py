@@ -1,0 +1,1 @@
+"""How well a model explains a material: materials, scenes, expressions and their engine, fits, metrics."""

@@ -1,0 +1,5 @@
+"""The one root exception of this package."""
+
+
+class GpsearchError(ValueError):
+    """A run could not be started, resumed or exported. The message says what, where and what to do."""
