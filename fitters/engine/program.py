@@ -1,0 +1,185 @@
+"""Programs: an expression lowered to the register machine's code.
+
+Lowering goes expression -> graph (`graph.py`) -> split into linear coefficients (`linear.py`) -> regrouped
+(`regroup.py`) -> code. A program computes its outputs, the offset and one coefficient per linear parameter:
+
+    f = output[0] + sum over j of linear[j] * output[1 + j]
+
+`scalar_code` runs once per evaluation in float64, `code` per block of cells in float32. What depends on cells
+alone is computed once per expression, in float64 by NumPy, and given to the machine as input vectors.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.engine.graph import APPLY, CELL, CONSTANT, MIXED, SCALAR, Graph, add_expression
+from fitters.engine.linear import split_linear
+from fitters.engine.opcodes import OPCODE, SCALAR_OPCODE, Form
+from fitters.engine.regroup import regroup
+from fitters.expressions.expression import Expression
+from fitters.grid import Array
+
+Code = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Program:
+    """Code for the machine; every row of code is (opcode, destination, first operand, second operand).
+
+    searched, linear: names of the parameters that a simplex varies, and of those solved in closed form
+    scalars:          (s,) initial scalar registers: the searched parameters first, then constants and room
+    scalar_code:      (n, 4) over scalar registers
+    code:             (n, 4); vector slots are inputs, then outputs, then temporaries
+    inputs:           nodes of `graph` whose values on the cells the machine reads
+    outputs:          (1 + linear,) vector slots; the first is -1 where there is no offset
+    """
+
+    searched: tuple[str, ...]
+    linear: tuple[str, ...]
+    scalars: NDArray[np.float64]
+    scalar_code: Code
+    code: Code
+    graph: Graph
+    inputs: tuple[int, ...]
+    outputs: NDArray[np.int32]
+    persistent: int
+    temporaries: int
+
+    def input_vectors(self, features: dict[str, Array]) -> NDArray[np.float32]:
+        """The machine's inputs (inputs, n) from the features of n cells: computed in float64, held in float32."""
+        n = len(features["wi.z"])
+        vectors = np.empty((max(len(self.inputs), 1), n), np.float32)
+        with np.errstate(all="ignore"):
+            values: dict[int, Array] = {}
+            for node in self.graph.reachable(self.inputs):
+                values[node] = _cell_value(self.graph, node, values, features)
+            for row, node in enumerate(self.inputs):
+                vectors[row] = values[node]
+        return vectors
+
+
+def _cell_value(graph: Graph, node: int, values: dict[int, Array], features: dict[str, Array]) -> Array:
+    operator, *rest = graph.nodes[node]
+    if operator == "const":
+        return np.float64(rest[0])
+    if operator == "feature":
+        return features[rest[0]]
+    return APPLY[operator](*(values[child] for child in rest))
+
+
+@lru_cache(maxsize=256)
+def lower(expression: Expression) -> Program:
+    """The program of an expression."""
+    graph = Graph()
+    split = split_linear(graph, add_expression(graph, expression))
+    linear = tuple(name for name in split if name is not None)
+    linear = tuple(sorted(linear, key=lambda name: int(name[1:])))
+    roots = [split[name] for name in ((None, *linear) if None in split else linear)]
+    regrouped, nodes = regroup(graph, roots)
+    return _Scheduler(regrouped, nodes, linear, has_offset=None in split).program()
+
+
+class _Scheduler:
+    """Orders the nodes of a regrouped graph, gives them registers and writes the code."""
+
+    def __init__(self, graph: Graph, roots: list[int], linear: tuple[str, ...], *, has_offset: bool) -> None:
+        self.graph, self.roots, self.linear, self.has_offset = graph, roots, linear, has_offset
+        self.order = graph.reachable(roots)
+        self.mixed = [node for node in self.order if graph.classes[node] == MIXED]
+        self.searched = tuple(
+            sorted(
+                (graph.nodes[node][1] for node in self.order if graph.nodes[node][0] == "param"),
+                key=lambda name: int(name[1:]),
+            )
+        )
+        self.scalar_register: dict[int, int] = {}
+        self.slot: dict[int, int] = {}
+
+    def program(self) -> Program:
+        scalars, scalar_code = self._scalars()
+        inputs = self._inputs()
+        filled = [
+            root for root in dict.fromkeys(self.roots) if self.graph.classes[root] in (CONSTANT, SCALAR)
+        ]
+        written = [root for root in dict.fromkeys(self.roots) if self.graph.classes[root] == MIXED]
+        for slot, node in enumerate([*inputs, *filled, *written]):
+            self.slot[node] = slot
+        persistent = len(inputs) + len(filled) + len(written)
+        code = [(OPCODE["fill", Form.S], self.slot[n], self.scalar_register[n], 0) for n in filled]
+        mixed_code, temporaries = self._vectors(set(written), persistent)
+        outputs = [self.slot[root] for root in self.roots]
+        return Program(
+            searched=self.searched,
+            linear=self.linear,
+            scalars=scalars,
+            scalar_code=scalar_code,
+            code=_rows(code + mixed_code),
+            graph=self.graph,
+            inputs=tuple(inputs),
+            outputs=np.array(outputs if self.has_offset else [-1, *outputs], np.int32),
+            persistent=persistent,
+            temporaries=temporaries,
+        )
+
+    def _scalars(self) -> tuple[NDArray[np.float64], Code]:
+        """Registers of all scalar and constant nodes that any code reads."""
+        wanted = [node for node in self.order if self.graph.classes[node] in (CONSTANT, SCALAR)]
+        params = [node for node in wanted if self.graph.nodes[node][0] == "param"]
+        params.sort(key=lambda node: self.searched.index(self.graph.nodes[node][1]))
+        rest = [node for node in wanted if self.graph.nodes[node][0] != "param"]
+        self.scalar_register = {node: register for register, node in enumerate([*params, *rest])}
+        initial = np.zeros(max(len(wanted), 1))
+        code = []
+        for node in rest:
+            operator, *children = self.graph.nodes[node]
+            if operator == "const":
+                initial[self.scalar_register[node]] = children[0]
+            else:
+                registers = [self.scalar_register[child] for child in children]
+                code.append(
+                    (SCALAR_OPCODE[operator], self.scalar_register[node], registers[0], registers[-1])
+                )
+        return initial, _rows(code)
+
+    def _inputs(self) -> list[int]:
+        """Cell nodes that mixed nodes read, and outputs that are cell nodes."""
+        read = {child for node in self.mixed for child in self.graph.children(node)} | set(self.roots)
+        return sorted(node for node in read if self.graph.classes[node] == CELL)
+
+    def _vectors(self, written: set[int], persistent: int) -> tuple[list[tuple[int, ...]], int]:
+        last_use = {child: node for node in self.mixed for child in self.graph.children(node)}
+        free: list[int] = []
+        temporaries = 0
+        code = []
+        for node in self.mixed:
+            operator, *children = self.graph.nodes[node]
+            if node not in self.slot:
+                # Never the slot of an operand of this very node: equal pointers make the loop run scalar.
+                if not free:
+                    free.append(persistent + temporaries)
+                    temporaries += 1
+                self.slot[node] = free.pop()
+            code.append(self._instruction(operator, self.slot[node], children))
+            for child in dict.fromkeys(children):
+                if last_use.get(child) == node and child in self.slot and child not in written:
+                    if self.slot[child] >= persistent:
+                        free.append(self.slot[child])
+        return code, temporaries
+
+    def _instruction(self, operator: str, destination: int, children: list[int]) -> tuple[int, ...]:
+        is_scalar = [self.graph.classes[child] in (CONSTANT, SCALAR) for child in children]
+        if len(children) == 2 and is_scalar[0] and operator in ("add", "mul", "max", "min"):
+            children, is_scalar = children[::-1], is_scalar[::-1]
+        operands = [
+            self.scalar_register[child] if scalar else self.slot[child]
+            for child, scalar in zip(children, is_scalar, strict=True)
+        ]
+        form = Form("".join("s" if scalar else "v" for scalar in is_scalar))
+        return OPCODE[operator, form], destination, operands[0], operands[-1]
+
+
+def _rows(code: list[tuple[int, ...]]) -> Code:
+    return np.array(code, np.int32).reshape(-1, 4)

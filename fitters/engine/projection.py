@@ -1,0 +1,218 @@
+"""The linear parameters in closed form: weighted least squares within a box, on what the machine computed.
+
+With weights w, the target y and the outputs a_0 (offset), a_1.. a_k of a program, this minimises over c
+
+    SS(c) = sum over cells of (w (a_0 + sum_j c_j a_j) - w y)^2      low <= c <= high.
+
+SS is then summed from the residuals themselves: from the normal equations it would lose half its digits.
+"""
+
+import numpy as np
+from numba import njit
+
+from fitters.engine.math32 import FLAGS, ZERO, load
+
+_KERNEL = {"fastmath": FLAGS, "error_model": "numpy", "cache": True}
+_EXACT = {"error_model": "numpy", "cache": True}
+
+BLOCK = 1024
+"""Cells per block: a dozen vectors of it fit the first-level cache."""
+
+
+@njit(**_KERNEL)
+def _inner(a, b, w, n):
+    """Sum of a b w^2 over n cells."""
+    total = ZERO
+    for i in range(n):
+        weight = load(w, i)
+        total += (load(a, i) * weight) * (load(b, i) * weight)
+    return total
+
+
+@njit(**_KERNEL)
+def _inner_target(a, w, wy, n):
+    """Sum of a w (w y) over n cells."""
+    total = ZERO
+    for i in range(n):
+        total += load(a, i) * load(w, i) * load(wy, i)
+    return total
+
+
+@njit(**_KERNEL)
+def _residual_0(a0, w, wy, n):
+    total = ZERO
+    for i in range(n):
+        r = load(a0, i) * load(w, i) - load(wy, i)
+        total += r * r
+    return total
+
+
+@njit(**_KERNEL)
+def _residual_1(a1, c1, w, wy, n):
+    total = ZERO
+    for i in range(n):
+        r = c1 * load(a1, i) * load(w, i) - load(wy, i)
+        total += r * r
+    return total
+
+
+@njit(**_KERNEL)
+def _residual_2(a1, a2, c1, c2, w, wy, n):
+    total = ZERO
+    for i in range(n):
+        r = (c1 * load(a1, i) + c2 * load(a2, i)) * load(w, i) - load(wy, i)
+        total += r * r
+    return total
+
+
+@njit(**_KERNEL)
+def _combine(target, a, c, n, first):
+    """target (a float32 array) = c a, or += c a."""
+    if first:
+        for i in range(n):
+            target[i] = c * load(a, i)
+    else:
+        for i in range(n):
+            target[i] += c * load(a, i)
+
+
+@njit(**_KERNEL)
+def _residual_array(f, w, wy, n):
+    total = ZERO
+    for i in range(n):
+        r = f[i] * load(w, i) - load(wy, i)
+        total += r * r
+    return total
+
+
+@njit(**_EXACT)
+def sum_of_squares(outputs, c, w, wy, n, scratch):
+    """SS(c) over n cells; `outputs` are addresses (1 + k,), 0 for no offset, w and wy addresses too."""
+    k = c.shape[0]
+    total = 0.0
+    for b in range(0, n, BLOCK):
+        m = min(BLOCK, n - b)
+        o = 4 * b
+        if k == 0:
+            total += _residual_0(outputs[0] + o, w + o, wy + o, m)
+        elif outputs[0] == 0 and k == 1:
+            total += _residual_1(outputs[1] + o, np.float32(c[0]), w + o, wy + o, m)
+        elif outputs[0] == 0 and k == 2:
+            c1, c2 = np.float32(c[0]), np.float32(c[1])
+            total += _residual_2(outputs[1] + o, outputs[2] + o, c1, c2, w + o, wy + o, m)
+        else:
+            first = True
+            if outputs[0] != 0:
+                _combine(scratch, outputs[0] + o, np.float32(1.0), m, first)
+                first = False
+            for j in range(k):
+                _combine(scratch, outputs[1 + j] + o, np.float32(c[j]), m, first)
+                first = False
+            total += _residual_array(scratch, w + o, wy + o, m)
+    return total
+
+
+@njit(**_EXACT)
+def normal_equations(outputs, w, wy, n, gram, right):
+    """gram (k, k) = A^T W^2 A and right (k,) = A^T W^2 (y - a_0), added up per block in float64."""
+    k = right.shape[0]
+    gram[:] = 0.0
+    right[:] = 0.0
+    for b in range(0, n, BLOCK):
+        m = min(BLOCK, n - b)
+        o = 4 * b
+        for i in range(k):
+            a = outputs[1 + i] + o
+            for j in range(i + 1):
+                gram[i, j] += _inner(a, outputs[1 + j] + o, w + o, m)
+            right[i] += _inner_target(a, w + o, wy + o, m)
+            if outputs[0] != 0:
+                right[i] -= _inner(a, outputs[0] + o, w + o, m)
+    for i in range(k):
+        for j in range(i):
+            gram[j, i] = gram[i, j]
+
+
+@njit(**_EXACT)
+def _solve_free(gram, right, fixed, state, c):
+    """Solves for the entries of c with state 0, the rest held at `fixed`. False where that is singular."""
+    k = right.shape[0]
+    index = np.empty(k, np.int64)
+    m = 0
+    for i in range(k):
+        if state[i] == 0:
+            index[m] = i
+            m += 1
+        else:
+            c[i] = fixed[i]
+    matrix = np.empty((m, m + 1))
+    for r in range(m):
+        for s in range(m):
+            matrix[r, s] = gram[index[r], index[s]]
+        matrix[r, m] = right[index[r]]
+        for i in range(k):
+            if state[i] != 0:
+                matrix[r, m] -= gram[index[r], i] * fixed[i]
+    for r in range(m):
+        # The matrix is scaled to a unit diagonal: what is left of a pivot is what the others do not explain.
+        if not matrix[r, r] > 1e-10:
+            return False
+        for s in range(r + 1, m):
+            factor = matrix[s, r] / matrix[r, r]
+            for q in range(r, m + 1):
+                matrix[s, q] -= factor * matrix[r, q]
+    for r in range(m - 1, -1, -1):
+        value = matrix[r, m]
+        for s in range(r + 1, m):
+            value -= matrix[r, s] * c[index[s]]
+        c[index[r]] = value / matrix[r, r]
+    return True
+
+
+@njit(**_EXACT)
+def solve_box(gram, right, low, high, c):
+    """c minimising c^T gram c / 2 - right^T c in the box, exactly: every active set is tried where one is.
+
+    False where a coefficient is not finite or all are zero everywhere.
+    """
+    k = right.shape[0]
+    scale = np.empty(k)
+    for i in range(k):
+        if not (np.isfinite(gram[i, i]) and np.isfinite(right[i])):
+            return False
+        scale[i] = np.sqrt(gram[i, i]) if gram[i, i] > 0.0 else 1.0
+    g = np.empty((k, k))
+    r = np.empty(k)
+    lower, upper, fixed, trial = np.empty(k), np.empty(k), np.empty(k), np.empty(k)
+    for i in range(k):
+        r[i] = right[i] / scale[i]
+        lower[i], upper[i] = low[i] * scale[i], high[i] * scale[i]
+        for j in range(k):
+            g[i, j] = gram[i, j] / (scale[i] * scale[j])
+    state = np.zeros(k, np.int64)
+    best = np.inf
+    for number in range(3**k):
+        rest = number
+        for i in range(k):
+            state[i] = rest % 3
+            rest //= 3
+            fixed[i] = lower[i] if state[i] == 1 else upper[i]
+        if not _solve_free(g, r, fixed, state, trial):
+            continue
+        inside = True
+        for i in range(k):
+            inside = inside and lower[i] <= trial[i] <= upper[i]
+        if not inside:
+            continue
+        value = 0.0
+        for i in range(k):
+            value -= r[i] * trial[i]
+            for j in range(k):
+                value += 0.5 * trial[i] * g[i, j] * trial[j]
+        if value < best:
+            best = value
+            for i in range(k):
+                c[i] = trial[i] / scale[i]
+        if number == 0:
+            break
+    return best < np.inf

@@ -1,0 +1,68 @@
+"""The grammar of BRDF expressions, Figure 4 of the genBRDF paper: which symbols there are and what they take.
+
+A symbol is a short name. Operators are `neg sin ... dot`; leaves are vectors `wi`, components `wh.z`, parameters
+`p0` and constants. Figure 4 draws from the constants 1, 2, pi and 4; published formulas need others (the 5 of
+Schlick's Fresnel term), so any finite non-negative decimal literal is a constant of the language.
+"""
+
+import math
+import re
+
+UNARY = ("neg", "sin", "cos", "tan", "exp", "asin", "acos", "atan", "sqrt")
+BINARY = ("add", "sub", "mul", "div", "max", "min", "pow")
+VECTORS = ("wi", "wo", "wh", "wr", "wn")
+COMPONENTS = ("wi.z", "wo.z", "wh.z", "wr.z")
+CONSTANTS = ("1", "2", "pi", "4")
+
+_PARAMETER = re.compile(r"p(0|[1-9][0-9]?)")
+
+
+def arity(symbol: str) -> int:
+    """How many children a node of this symbol has: 0, 1 or 2."""
+    return 1 if symbol in UNARY else 2 if symbol in BINARY or symbol == "dot" else 0
+
+
+def kind(symbol: str) -> str:
+    """One of `unary binary dot vector component parameter constant`, or an empty string for no symbol at all."""
+    if symbol in UNARY:
+        return "unary"
+    if symbol in BINARY:
+        return "binary"
+    if symbol == "dot":
+        return "dot"
+    if symbol in VECTORS:
+        return "vector"
+    if symbol in COMPONENTS:
+        return "component"
+    if _PARAMETER.fullmatch(symbol):
+        return "parameter"
+    return "constant" if is_constant(symbol) else ""
+
+
+def is_parameter(symbol: str) -> bool:
+    return _PARAMETER.fullmatch(symbol) is not None
+
+
+def is_constant(symbol: str) -> bool:
+    return symbol == "pi" or (symbol[:1].isdigit() and _finite(symbol) and constant(float(symbol)) == symbol)
+
+
+def constant(value: float) -> str:
+    """The one symbol of a constant: `2` for 2.0, `0.5`, `1e-05`. Raises `ValueError` where it is no constant."""
+    if not (math.isfinite(value) and value >= 0):
+        raise ValueError(f"{value} is no constant: a constant is finite and not negative (write neg as -x)")
+    if value == math.pi:
+        return "pi"
+    return repr(int(value)) if value == int(value) and value < 1e15 else repr(float(value))
+
+
+def value(symbol: str) -> float:
+    """The number that a constant's symbol stands for."""
+    return math.pi if symbol == "pi" else float(symbol)
+
+
+def _finite(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False

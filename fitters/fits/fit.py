@@ -1,0 +1,206 @@
+"""The fit of one expression to every target of a problem: a pure function of expression, problem and settings.
+
+Restarts are seeded from the expression itself, so that the same expression gets the same fit anywhere.
+"""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.engine.program import Program, lower
+from fitters.engine.projection import BLOCK
+from fitters.engine.simplex import Data, Machine, fit_targets, polish_targets
+from fitters.errors import FittersError
+from fitters.expressions import Expression, to_text
+from fitters.expressions.evaluation import evaluate_features
+from fitters.fits.metrics import Metric
+from fitters.fits.problem import Cells
+from fitters.grid import Array
+
+Bounds = Mapping[str, tuple[float, float]]
+"""Closed interval per parameter, `p0`..; a positive lower bound makes a simplex search its logarithm."""
+
+USUAL = (1e-3, 1e2)
+"""Where restarts begin, within the bounds: parameters of published fits rarely lie outside."""
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """How hard a fit tries.
+
+    starts:      points at which every target is tried once
+    restarts:    simplex descents per target, from its best starts
+    evaluations: per descent and searched parameter
+    tolerance:   relative spread of the objective over a converged simplex
+    """
+
+    starts: int = 48
+    restarts: int = 3
+    evaluations: int = 40
+    tolerance: float = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The best parameters found. Where no finite fit was found for a target its error is infinite.
+
+    names:       parameters of the expression, `p0`..
+    values:      (targets, names)
+    errors:      (targets,) by the problem's metric
+    error:       of the expression
+    evaluations: of the objective, over all targets
+    """
+
+    names: tuple[str, ...]
+    values: NDArray[np.float64]
+    errors: NDArray[np.float64]
+    error: float
+    evaluations: int
+
+    def parameters(self, target: int) -> dict[str, float]:
+        return dict(zip(self.names, map(float, self.values[target]), strict=True))
+
+
+def fit(
+    expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, settings: FitSettings | None = None
+) -> Fit:
+    """The fit of an expression over the cells, by Nelder-Mead over what is not linear in it (genBRDF, 3.6).
+
+    Raises `FittersError` where a parameter of the expression has no bounds. Never raises for a formula that is
+    not finite: its error is infinite.
+    """
+    settings = settings or FitSettings()
+    problem = _Prepared(expression, cells, bounds)
+    starts = _starts(expression, problem.machine.low, problem.machine.high, settings.starts)
+    x, value = np.zeros((len(cells.weights), starts.shape[1])), np.full(len(cells.weights), np.inf)
+    limit = settings.evaluations * max(starts.shape[1], 1)
+    used = fit_targets(
+        problem.machine, problem.data, starts, settings.restarts, 0.5, limit, settings.tolerance, x, value
+    )
+    return problem.finish(metric, settings, x, value, used)
+
+
+def refit(
+    expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, near: Fit, settings: FitSettings
+) -> Fit:
+    """The fit over other cells, all of them as a rule, from the parameters of a fit that is there."""
+    problem = _Prepared(expression, cells, bounds)
+    x, value = problem.coordinates(near), np.full(len(cells.weights), np.inf)
+    return problem.finish(metric, settings, x, value, 0)
+
+
+def exact_errors(expression: Expression, cells: Cells, found: Fit) -> NDArray[np.float64]:
+    """The errors (targets,) of a fit, evaluated in float64 with NumPy: what every report states.
+
+    Infinite for a target where the formula is not finite on some cell with light.
+    """
+    errors = np.empty(len(cells.weights))
+    for target, (weights, targets) in enumerate(zip(cells.weights, cells.targets, strict=True)):
+        values = evaluate_features(expression, found.parameters(target), cells.features)
+        with np.errstate(all="ignore"):
+            error = np.linalg.norm(weights * values - targets)
+        errors[target] = error if np.isfinite(error) else np.inf
+    return errors
+
+
+class _Prepared:
+    """An expression lowered and its vectors laid out for some cells; keeps alive what the addresses point to."""
+
+    def __init__(self, expression: Expression, cells: Cells, bounds: Bounds) -> None:
+        missing = [name for name in expression.parameters if name not in bounds]
+        if missing:
+            raise FittersError(f"no bounds for {', '.join(missing)} of {to_text(expression)}")
+        self.program = program = lower(expression)
+        self.cells = cells
+        n = len(cells)
+        self.inputs = program.input_vectors(cells.features)
+        written = program.persistent - len(program.inputs)
+        self.written = np.empty((max(written, 1), n), np.float32)
+        self.temporaries = np.empty((max(program.temporaries, 1), BLOCK), np.float32)
+        base = [*_rows(self.inputs, len(program.inputs)), *_rows(self.written, written)]
+        advance = [4] * len(base) + [0] * program.temporaries
+        base += _rows(self.temporaries, program.temporaries)
+        self.machine = _machine(program, np.array(base, np.int64), np.array(advance, np.int64), bounds)
+        self.data = Data(
+            np.array(_rows(cells.weights, len(cells.weights)), np.int64),
+            np.array(_rows(cells.targets, len(cells.targets)), np.int64),
+            n,
+        )
+
+    def coordinates(self, found: Fit) -> NDArray[np.float64]:
+        """The simplex coordinates (targets, searched) of a fit's parameters."""
+        columns = [found.names.index(name) for name in self.program.searched]
+        x = found.values[:, columns].copy()
+        logarithmic = self.machine.logarithmic
+        x[:, logarithmic] = np.log(np.maximum(x[:, logarithmic], 1e-300))
+        return np.clip(np.nan_to_num(x), self.machine.low, self.machine.high)
+
+    def finish(self, metric: Metric, settings: FitSettings, x: NDArray, value: NDArray, used: int) -> Fit:
+        """Polishes every target's best and states the fit in the expression's own parameters."""
+        c = np.zeros((len(value), len(self.program.linear)))
+        limit = settings.evaluations * max(x.shape[1], 1)
+        used += polish_targets(self.machine, self.data, 0.1, limit, settings.tolerance * 1e-2, x, value, c)
+        p = np.where(self.machine.logarithmic, np.exp(x), x)
+        solved = dict(zip(self.program.searched, p.T, strict=True)) | dict(
+            zip(self.program.linear, c.T, strict=True)
+        )
+        names = tuple(sorted(solved, key=lambda name: int(name[1:])))
+        values = np.stack([solved[name] for name in names], axis=1) if names else np.empty((len(value), 0))
+        errors = np.sqrt(value)
+        return Fit(names, values, errors, metric.combine(errors), int(used))
+
+
+def _rows(array: NDArray, count: int) -> list[int]:
+    """Addresses of the first `count` rows of a contiguous array."""
+    return [array.ctypes.data + row * array.strides[0] for row in range(count)]
+
+
+def _machine(
+    program: Program, base: NDArray[np.int64], advance: NDArray[np.int64], bounds: Bounds
+) -> Machine:
+    low = np.array([bounds[name][0] for name in program.searched], np.float64)
+    high = np.array([bounds[name][1] for name in program.searched], np.float64)
+    logarithmic = low > 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        low, high = np.where(logarithmic, np.log(low), low), np.where(logarithmic, np.log(high), high)
+    outputs = np.array([base[slot] if slot >= 0 else 0 for slot in program.outputs], np.int64)
+    k = len(program.linear)
+    return Machine(
+        code=program.code,
+        scalar_code=program.scalar_code,
+        registers=program.scalars.copy(),
+        scalars=np.zeros(len(program.scalars), np.float32),
+        base=base,
+        advance=advance,
+        slots=np.zeros(len(base), np.int64),
+        outputs=outputs,
+        logarithmic=logarithmic,
+        low=low,
+        high=high,
+        linear_low=np.array([bounds[name][0] for name in program.linear], np.float64),
+        linear_high=np.array([bounds[name][1] for name in program.linear], np.float64),
+        scratch=np.empty(BLOCK, np.float32),
+        gram=np.zeros((k, k)),
+        right=np.zeros(k),
+    )
+
+
+def _starts(expression: Expression, low: Array, high: Array, count: int) -> Array:
+    """Start coordinates (count, d), an additive recurrence with a random offset seeded by the expression."""
+    d = len(low)
+    if d == 0:
+        return np.zeros((1, 0))
+    seed = int.from_bytes(hashlib.sha256(to_text(expression).encode()).digest()[:8], "little")
+    # Generalised golden ratio: the root of x^(d + 1) = x + 1 (Roberts 2018).
+    ratio = 2.0
+    for _ in range(40):
+        ratio = (1.0 + ratio) ** (1.0 / (d + 1))
+    steps = ratio ** -np.arange(1, d + 1)
+    points = np.mod(np.random.default_rng(seed).random(d) + np.outer(np.arange(count), steps), 1.0)
+    # Coordinates are logarithms where the parameter is bounded away from zero from below.
+    first, last = np.maximum(low, np.log(USUAL[0])), np.minimum(high, np.log(USUAL[1]))
+    first, last = np.where(first < last, first, low), np.where(first < last, last, high)
+    return first + points * (last - first)

@@ -1,0 +1,74 @@
+"""Which residual a fit minimises: one named choice per run.
+
+For a target with measured values m and light T over the lit, valid cells, every metric is a weighted residual
+
+    e = || w (f - m) || / s
+
+with weights w that depend on the measurement and the light only, so that one engine minimises them all.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.grid import Array
+
+COMPRESSIVE_POWER = 1.4
+"""The power p of eq. 11 of the factor paper (Bagher et al. 2016)."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A residual's weights, its scale, and how errors of targets combine into the error of an expression."""
+
+    name: str
+    weights: Callable[[Array, Array], Array]
+    normalised: bool
+
+    def scale(self, weights: Array, measured: Array) -> float:
+        """s, by which the residual of a target is divided: || w m ||, or 1 where the metric is a plain sum.
+
+        For a measurement that is zero wherever there is light, || w ||: the error is then in sr^-1.
+        """
+        if not self.normalised:
+            return 1.0
+        return float(np.linalg.norm(weights * measured) or np.linalg.norm(weights))
+
+    def combine(self, errors: Array) -> float:
+        """One number for the errors (targets,): their root mean square, or their L2 norm where unnormalised."""
+        squares = float(np.sum(np.square(errors, dtype=np.float64)))
+        return float(np.sqrt(squares / len(errors) if self.normalised else squares))
+
+
+def _light(light: Array, measured: Array) -> Array:
+    return light
+
+
+def _compressive(light: Array, measured: Array) -> Array:
+    """T sqrt(w_C) with w_C after eqs. 11 and 12 of the factor paper, rho-bar the light-weighted median."""
+    ratio = np.maximum(measured, 0.0) / max(weighted_median(measured, light), 1e-300)
+    alpha = np.log(2.0)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        compressed = np.where(ratio > 0, -np.expm1(-alpha * ratio) / (alpha * ratio), 1.0)
+    return light * compressed ** (COMPRESSIVE_POWER / 2)
+
+
+def weighted_median(values: Array, weights: Array) -> float:
+    """The smallest value that at least half of the weight does not exceed."""
+    order = np.argsort(values)
+    cumulative = np.cumsum(weights[order], dtype=np.float64)
+    return float(values[order][np.searchsorted(cumulative, 0.5 * cumulative[-1])])
+
+
+METRICS = {
+    metric.name: metric
+    for metric in (
+        # eq. 4 of the genBRDF paper, relative to the measurement
+        Metric("light", _light, normalised=True),
+        # the same, damped where the measurement is bright
+        Metric("compressive", _compressive, normalised=True),
+        # eq. 4 as printed: bright materials dominate
+        Metric("light-sum", _light, normalised=False),
+    )
+}

@@ -1,0 +1,78 @@
+"""A measured reflectance on the half/difference grid, with what was done to make it usable."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.errors import FittersError
+from fitters.grid import CELLS, SHAPE, Array, above_horizon
+
+RGB = tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """One measured (or built-in) reflectance.
+
+    `table` (3, 90, 90, 180) float32, sr^-1, RGB: finite, not negative, 0 where not valid. `valid`
+    (90, 90, 180) is the mask. `source` says where it comes from. `sha256` is the hash of the content that it
+    was made from: it keys caches. `negative` is, per channel, the share of valid cells whose sample was below
+    zero and was set to 0.
+    """
+
+    name: str
+    table: Array
+    valid: NDArray[np.bool_]
+    source: str
+    sha256: str
+    negative: RGB
+
+    def __post_init__(self) -> None:
+        if self.table.shape != (3, *SHAPE) or self.table.dtype != np.float32:
+            raise FittersError(
+                f"{self.name}: a table is float32 (3, 90, 90, 180), not {self.table.dtype} {self.table.shape}"
+            )
+        if self.valid.shape != SHAPE or self.valid.dtype != np.bool_:
+            raise FittersError(
+                f"{self.name}: a mask is bool (90, 90, 180), not {self.valid.dtype} {self.valid.shape}"
+            )
+        if not self.valid.any():
+            raise FittersError(f"{self.name}: no cell is valid")
+        # One pass each: NaN fails the first comparison, infinity the second.
+        if not (self.table.min() >= 0 and self.table.max() < np.inf):
+            raise FittersError(f"{self.name}: the table holds negative, NaN or infinite values")
+        if np.any(self.table[:, ~self.valid]):
+            raise FittersError(f"{self.name}: the table is not 0 where a cell is not valid")
+
+
+def from_samples(
+    name: str, samples: Array, *, source: str, sha256: str, all_negative_is_missing: bool = False
+) -> Material:
+    """A material from raw samples (3, 90, 90, 180) in sr^-1; its arrays are its own and read-only.
+
+    A cell is valid where its centre lies above the horizon and its three channels are finite in float32; with
+    `all_negative_is_missing`, three negative channels mark a cell that was not measured, as in MERL files.
+    What remains below zero in a valid cell (noise, or a colour outside the gamut) is set to 0 and counted.
+
+    Raises `FittersError` where no cell is valid.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        table = np.array(samples, np.float32)
+    above = above_horizon()
+    finite = np.isfinite(table).all(axis=0)
+    below_zero = table < 0
+    valid = above & finite
+    if all_negative_is_missing:
+        valid &= ~below_zero.all(axis=0)
+    if not valid.any():
+        count, unusable = np.count_nonzero(above), np.count_nonzero(above & ~finite)
+        raise FittersError(
+            f"{name}: none of its {CELLS:,} cells is usable: of {count:,} above the horizon, {unusable:,} "
+            "are NaN or infinite and the others negative. It holds no measurement: fetch it again."
+        )
+    negative = np.count_nonzero(below_zero & valid, axis=(1, 2, 3)) / np.count_nonzero(valid)
+    table[below_zero | ~valid] = 0.0
+    table.flags.writeable = valid.flags.writeable = False
+    r, g, b = (float(share) for share in negative)
+    return Material(name, table, valid, source, sha256, (r, g, b))

@@ -1,0 +1,71 @@
+"""The MERL binary format (Matusik et al. 2003): how the 100 released materials are stored.
+
+Three little-endian int32 (90, 90, 180), then the planes red, green, blue of float64 in the order of the grid,
+each divided by its channel's scale. Cells that were not measured hold negative numbers.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.errors import FittersError
+from fitters.grid import CELLS, SHAPE, Array
+from fitters.materials.known import genuine_merl_name
+from fitters.materials.material import Material, from_samples
+from fitters.materials.material_file import MaterialFile
+
+SCALE = np.array([1.0, 1.15, 1.66]) / 1500.0
+HEADER = np.array(SHAPE, "<i4").tobytes()
+FILE_BYTES = len(HEADER) + 3 * CELLS * 8
+
+
+def load(file: MaterialFile) -> Material:
+    """The material in a `.binary` file. Raises `FittersError` where it is not a whole MERL file."""
+    genuine = genuine_merl_name(file.sha256)
+    source = f"MERL, genuine {genuine}" if genuine else "MERL format, not one of the released files"
+    return from_samples(
+        file.stem, _samples(file), source=source, sha256=file.sha256, all_negative_is_missing=True
+    )
+
+
+def write_merl(path: Path, table: Array, valid: NDArray[np.bool_]) -> None:
+    """Write a table (3, 90, 90, 180) in sr^-1 as a MERL file; cells outside `valid` (90, 90, 180) hold -1."""
+    if table.shape != (3, *SHAPE) or valid.shape != SHAPE:
+        raise FittersError(
+            f"{path.name}: a MERL file takes a table (3, 90, 90, 180) and a mask (90, 90, 180), "
+            f"not {table.shape} and {valid.shape}"
+        )
+    with path.open("wb") as file:
+        file.write(HEADER)
+        for plane, scale in zip(table, SCALE, strict=True):
+            np.where(valid, plane / scale, -1.0).astype("<f8").tofile(file)
+
+
+def _samples(file: MaterialFile) -> NDArray[np.float32]:
+    """Samples (3, 90, 90, 180) in sr^-1 as stored, negative and not finite ones included."""
+    content = file.content
+    if content[: len(HEADER)] != HEADER[: len(content)]:
+        raise FittersError(
+            f"{file.name} begins with {_header(content)}, a MERL file with 90, 90, 180: it is another "
+            "kind of file. Check that the download is the .binary file itself, not a web page or an archive."
+        )
+    if len(content) != FILE_BYTES:
+        short = len(content) < FILE_BYTES
+        problem = "the download was cut short" if short else "something was appended to it"
+        raise FittersError(
+            f"{file.name} holds {len(content):,} bytes, a MERL file has {FILE_BYTES:,}: {problem}. "
+            "Fetch it again."
+        )
+    stored = np.frombuffer(content, "<f8", offset=len(HEADER)).reshape(3, CELLS)
+    samples = np.empty((3, CELLS), np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for channel in range(3):
+            np.multiply(stored[channel], SCALE[channel], out=samples[channel], casting="same_kind")
+    return samples.reshape(3, *SHAPE)
+
+
+def _header(content: bytes) -> str:
+    if len(content) < len(HEADER):
+        return f"only {len(content)} bytes"
+    return ", ".join(str(size) for size in np.frombuffer(content, "<i4", 3))

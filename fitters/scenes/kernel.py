@@ -1,0 +1,82 @@
+"""The integration: every pixel meets every texel once, in a fixed order, without noise."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from fitters.grid import CELLS, SHAPE, Array
+from fitters.scenes.environment import EnvironmentMap
+
+DISC = 0.998
+"""Pixels with x^2 + y^2 below this belong to the sphere; the grazing rest is left out."""
+
+
+def sphere_normals(resolution: int) -> Array:
+    """Unit normals (pixels, 3) where the sphere is seen, row by row from the bottom; +x is right, +y up."""
+    axis = (np.arange(resolution) + 0.5) / resolution * 2 - 1
+    x, y = np.meshgrid(axis, axis)
+    squared = x**2 + y**2
+    seen = squared < DISC
+    return np.stack([x[seen], y[seen], np.sqrt(1 - squared[seen])], axis=-1)
+
+
+def integrate(light: EnvironmentMap, normals: Array) -> Array:
+    """Light through each cell (3, 90, 90, 180), float64: sums of L cos(theta_i) d omega per pixel.
+
+    The mean is over `normals` (pixels, 3), which are unit and face the camera (z > 0) at w_o = (0, 0, 1).
+    """
+    emission = light.radiance * light.solid_angles()[..., None]
+    shining = emission.any(axis=-1)
+    table = np.zeros((CELLS, 3))
+    _gather(np.ascontiguousarray(normals), light.directions()[shining], emission[shining], table)
+    return np.ascontiguousarray(table.T).reshape(3, *SHAPE) / len(normals)
+
+
+@njit(cache=True)
+def _gather(normals: Array, directions: Array, emission: Array, table: Array) -> None:
+    """Add `emission` (texels, 3) from `directions` (texels, 3) to `table` (CELLS, 3) for all normals."""
+    frames, cos_diff, diff_bins = _half_frames(directions)
+    for p in range(normals.shape[0]):
+        nx, ny, nz = normals[p]
+        for t in range(directions.shape[0]):
+            cos_i = nx * directions[t, 0] + ny * directions[t, 1] + nz * directions[t, 2]
+            if cos_i <= 0.0:
+                continue
+            cos_half = nx * frames[t, 0] + ny * frames[t, 1] + nz * frames[t, 2]
+            # w_i in the tangent frame at the half vector, both components times sin(theta_half).
+            x = cos_diff[t] * cos_half - cos_i
+            y = nx * frames[t, 3] + ny * frames[t, 4] + nz * frames[t, 5]
+            cell = _cell(math.acos(min(cos_half, 1.0)), diff_bins[t], math.atan2(y, x))
+            table[cell, 0] += emission[t, 0] * cos_i
+            table[cell, 1] += emission[t, 1] * cos_i
+            table[cell, 2] += emission[t, 2] * cos_i
+
+
+@njit(cache=True)
+def _half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+    """What a texel shares among all pixels: half vector h and h x w_i (texels, 6), cos(theta_diff), bin."""
+    count = directions.shape[0]
+    frames, cos_diff, bins = np.zeros((count, 6)), np.zeros(count), np.zeros(count, np.int64)
+    for t in range(count):
+        lx, ly, lz = directions[t]
+        length = math.sqrt(lx * lx + ly * ly + (lz + 1.0) ** 2)
+        if length == 0.0:
+            continue  # w_i = -w_o lies below every horizon
+        hx, hy, hz = lx / length, ly / length, (lz + 1.0) / length
+        frames[t] = (hx, hy, hz, hy * lz - hz * ly, hz * lx - hx * lz, hx * ly - hy * lx)
+        cos_diff[t] = hz
+        bins[t] = min(int(math.acos(min(hz, 1.0)) / (math.pi / 2) * SHAPE[1]), SHAPE[1] - 1)
+    return frames, cos_diff, bins
+
+
+@njit(cache=True)
+def _cell(theta_half: float, diff_bin: int, phi_diff: float) -> int:
+    """As `fitters.grid.cell_index`, the theta_diff bin given; phi_diff in [-pi, pi] is folded modulo pi."""
+    half_bin = min(int(math.sqrt(theta_half / (math.pi / 2)) * SHAPE[0]), SHAPE[0] - 1)
+    if phi_diff < 0.0:
+        phi_diff += math.pi
+    # Both 0 and pi belong to the first bin.
+    phi_bin = int(phi_diff / math.pi * SHAPE[2]) % SHAPE[2]
+    return (half_bin * SHAPE[1] + diff_bin) * SHAPE[2] + phi_bin
