@@ -88,7 +88,7 @@ class Graph:
 
     def _power(self, base: int, exponent: float | None) -> int | None:
         """A whole or half power by products; None where it takes the general operation."""
-        if exponent is None:
+        if exponent is None or not np.isfinite(exponent):
             return None
         if exponent == 0.5:
             return self.emit("sqrt", base)

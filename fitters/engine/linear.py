@@ -21,31 +21,33 @@ def split_linear(graph: Graph, root: int) -> Affine:
     New nodes are added to `graph`. With no linear parameter the result is `{None: root}`.
     """
     used = [graph.nodes[node][1] for node in graph.reachable([root]) if graph.nodes[node][0] == "param"]
-    for count in range(min(len(used), MAX_LINEAR), 0, -1):
-        for chosen in combinations(sorted(used, key=lambda name: int(name[1:])), count):
-            split = _affine(graph, root, frozenset(chosen), {})
-            if split is not None:
+    used.sort(key=lambda name: int(name[1:]))
+    alone = [name for name in used if _affine(graph, root, {name}) is not None]
+    # A set is jointly linear where each pair of it is: only a product of two parts tells them from one.
+    pairs = {pair for pair in combinations(alone, 2) if _affine(graph, root, set(pair)) is not None}
+    for count in range(min(len(alone), MAX_LINEAR), 0, -1):
+        for chosen in combinations(alone, count):
+            if all(pair in pairs for pair in combinations(chosen, 2)):
+                split = _affine(graph, root, set(chosen))
+                assert split is not None
                 return split
     return {None: root}
 
 
-def _affine(
-    graph: Graph, node: int, chosen: frozenset[str], known: dict[int, Affine | None]
-) -> Affine | None:
-    """The node as an affine function of the chosen parameters, None where it is not one."""
-    if node not in known:
+def _affine(graph: Graph, root: int, chosen: set[str]) -> Affine | None:
+    """The root as an affine function of the chosen parameters, None where it is not one."""
+    known: dict[int, Affine | None] = {}
+    for node in graph.reachable([root]):
         known[node] = _affine_of(graph, node, chosen, known)
-    return known[node]
+    return known[root]
 
 
-def _affine_of(
-    graph: Graph, node: int, chosen: frozenset[str], known: dict[int, Affine | None]
-) -> Affine | None:
+def _affine_of(graph: Graph, node: int, chosen: set[str], known: dict[int, Affine | None]) -> Affine | None:
     operator = graph.nodes[node][0]
     if operator == "param" and graph.nodes[node][1] in chosen:
         return {graph.nodes[node][1]: graph.const(1.0)}
     children = graph.children(node)
-    parts = [_affine(graph, child, chosen, known) for child in children]
+    parts = [known[child] for child in children]
     if any(part is None for part in parts):
         return None
     free = [set(part) <= {None} for part in parts if part is not None]

@@ -110,7 +110,8 @@ NAN, INFINITY, LOG_OF_ZERO = _F(np.nan), _F(np.inf), _F(ZERO_LOG)
 PI, HALF_PI = _F(math.pi), _F(math.pi / 2)
 
 # exp: n = round(x / ln 2), remainder by a two-part ln 2, polynomial of degree 5
-EXP_HIGH, EXP_LOW, LOG2_E = _F(88.3762), _F(-87.3365), _F(1.4426950408889634)
+# Below e^-69 the result is 0: what multiplies a number near the smallest normal one runs 20 times slower.
+EXP_HIGH, EXP_LOW, LOG2_E = _F(88.3762), _F(-69.0), _F(1.4426950408889634)
 LN2_HIGH, LN2_LOW = _F(-0.693359375), _F(2.12194440e-4)
 E0, E1, E2 = _F(1.9875691500e-4), _F(1.3981999507e-3), _F(8.3334519073e-3)
 E3, E4, E5 = _F(4.1665795894e-2), _F(1.6666665459e-1), _F(5.0000001201e-1)

@@ -82,6 +82,16 @@ def lower(expression: Expression) -> Program:
     return _Scheduler(regrouped, nodes, linear, has_offset=None in split).program()
 
 
+def lower_whole(expression: Expression) -> Program:
+    """The program that computes all of an expression per cell: no linear split, and features for inputs only."""
+    graph = Graph()
+    regrouped, nodes = regroup(graph, [add_expression(graph, expression)])
+    for node, operation in enumerate(regrouped.nodes):
+        if regrouped.classes[node] == CELL and operation[0] != "feature":
+            regrouped.classes[node] = MIXED
+    return _Scheduler(regrouped, nodes, (), has_offset=True).program()
+
+
 class _Scheduler:
     """Orders the nodes of a regrouped graph, gives them registers and writes the code."""
 

@@ -170,12 +170,28 @@ def _solve_free(gram, right, fixed, state, c):
 
 
 @njit(**_EXACT)
+def _solve_inside(gram, right, low, high, c):
+    """One or two coefficients where the box does not bind, as it mostly does not; False where it may."""
+    if right.shape[0] == 1:
+        c[0] = right[0] / gram[0, 0]
+        return low[0] <= c[0] <= high[0]
+    determinant = gram[0, 0] * gram[1, 1] - gram[0, 1] * gram[0, 1]
+    if not determinant > 1e-10 * gram[0, 0] * gram[1, 1]:
+        return False
+    c[0] = (right[0] * gram[1, 1] - right[1] * gram[0, 1]) / determinant
+    c[1] = (right[1] * gram[0, 0] - right[0] * gram[0, 1]) / determinant
+    return low[0] <= c[0] <= high[0] and low[1] <= c[1] <= high[1]
+
+
+@njit(**_EXACT)
 def solve_box(gram, right, low, high, c):
     """c minimising c^T gram c / 2 - right^T c in the box, exactly: every active set is tried where one is.
 
     False where a coefficient is not finite or all are zero everywhere.
     """
     k = right.shape[0]
+    if k <= 2 and _solve_inside(gram, right, low, high, c):
+        return True
     scale = np.empty(k)
     for i in range(k):
         if not (np.isfinite(gram[i, i]) and np.isfinite(right[i])):
@@ -212,7 +228,7 @@ def solve_box(gram, right, low, high, c):
         if value < best:
             best = value
             for i in range(k):
-                c[i] = trial[i] / scale[i]
+                c[i] = min(max(trial[i] / scale[i], low[i]), high[i])
         if number == 0:
             break
     return best < np.inf

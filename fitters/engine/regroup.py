@@ -16,6 +16,9 @@ _NON_NEGATIVE_FEATURES = frozenset(("wi.z", "wo.z", "wh.z", "wi.wh"))
 def regroup(source: Graph, roots: list[int]) -> tuple[Graph, list[int]]:
     """A new graph that computes the same values for the roots, and their nodes there."""
     pass_ = _Regroup(source, roots)
+    for node in source.reachable(roots):
+        # Children first, so that no recursion is as deep as the graph.
+        pass_.node(node)
     return pass_.target, [pass_.node(root) for root in roots]
 
 
@@ -60,8 +63,11 @@ class _Regroup:
         )
 
     def _may_open(self, node: int) -> bool:
-        """Whether a nested sum or product may be taken apart: not where its value is wanted elsewhere too."""
-        return self.uses[node] == 1 or self.source.classes[node] != MIXED
+        """Whether a nested sum or product may be taken apart: not where its value is wanted elsewhere too.
+
+        A power is a chain of squares, each used twice: taken apart, pow(pow(wh.z, 16), 16) has 256 factors.
+        """
+        return self.uses[node] == 1
 
     def _product(self, root: int) -> int:
         above: list[int] = []

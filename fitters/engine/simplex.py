@@ -37,6 +37,9 @@ Machine = namedtuple(
 )
 """Everything that one expression on one set of cells needs: arrays only, so that numba takes it as it is."""
 
+Descent = namedtuple("Descent", ["restarts", "rounds", "step", "limit", "tolerance"])
+"""Descents per target, rounds of exchange, the first simplex's extent, evaluations and tolerance of a descent."""
+
 Data = namedtuple("Data", ["weights", "targets", "n"])
 """Addresses (t,) of the weights and the weighted targets, and the number of cells."""
 
@@ -168,64 +171,100 @@ def _table_row(machine, data, x, row, c):
 
 
 @njit(**_EXACT)
-def fit_targets(machine, data, starts, restarts, step, limit, tolerance, best_x, best_value):
-    """Fits every target from the best of shared starts (s, d); fills best_x (t, d) and best_value (t,).
-
-    All starts are evaluated once for all targets, since only the closed-form part differs between them. Each
-    target then descends from its `restarts` best ones, where the optima of the targets before it stand among
-    the starts; at last every target is tried from the optimum of any other that suits it better than its own.
-    Returns the number of evaluations.
-    """
-    s, d = starts.shape
-    t = best_value.shape[0]
-    pool, table = np.empty((s + t, d)), np.full((s + t, t), np.inf)
-    c, x, taken = np.zeros(machine.right.shape[0]), np.empty(d), np.empty(s + t, np.bool_)
-    pool[:s] = starts
-    for i in range(s):
-        _table_row(machine, data, pool[i], table[i], c)
-    used = s
-    for target in range(t):
-        best_value[target] = np.inf
-        best_x[target] = pool[0]
-        taken[:] = False
-        for _ in range(restarts):
-            row = -1
-            for i in range(s + target):
-                if not taken[i] and np.isfinite(table[i, target]):
-                    if row < 0 or table[i, target] < table[row, target]:
-                        row = i
-            if row < 0:
-                break
-            taken[row] = True
-            x[:] = pool[row]
-            value, evaluations = nelder_mead(machine, data, target, x, step, limit, tolerance, c)
-            used += evaluations
-            if value < best_value[target]:
-                best_value[target] = value
-                best_x[target] = x
-        pool[s + target] = best_x[target]
-        _table_row(machine, data, pool[s + target], table[s + target], c)
-        used += 1
-    for target in range(t):
-        for row in range(s, s + t):
-            if table[row, target] < best_value[target]:
-                x[:] = pool[row]
-                value, evaluations = nelder_mead(machine, data, target, x, step, limit, tolerance, c)
-                used += evaluations
-                if value < best_value[target]:
-                    best_value[target] = value
-                    best_x[target] = x
+def _descend(machine, data, target, start, settings, best_x, best_value, c):
+    """One descent from a start; keeps the result where it is the target's best. Returns the evaluations."""
+    x = start.copy()
+    value, used = nelder_mead(machine, data, target, x, settings.step, settings.limit, settings.tolerance, c)
+    if value < best_value[target]:
+        best_value[target] = value
+        best_x[target] = x
     return used
 
 
 @njit(**_EXACT)
-def polish_targets(machine, data, step, limit, tolerance, best_x, best_value, best_c):
-    """Descends once more from each target's best (t, d) with a fresh simplex; fills best_c (t, k) too."""
+def _best_row(table, target, count, taken):
+    """The finite row of `table[:count]` that is best for the target and not taken; -1 for none."""
+    row = -1
+    for i in range(count):
+        if (
+            not taken[i]
+            and np.isfinite(table[i, target])
+            and (row < 0 or table[i, target] < table[row, target])
+        ):
+            row = i
+    return row
+
+
+@njit(**_EXACT)
+def fit_targets(machine, data, starts, settings, best_x, best_value):
+    """Fits every target from shared starts (s, d); fills best_x (t, d) and best_value (t,).
+
+    All starts are evaluated once for all targets, since only the closed-form part differs between them. A
+    target first descends from its best start and from others in turn: the best start is often in the wrong
+    valley, and no two targets take the same others. Then, in rounds, every target descends from the optima of
+    others that suit it best. Returns the number of evaluations.
+    """
+    s, d = starts.shape
+    t = best_value.shape[0]
+    table, c = np.full((s, t), np.inf), np.zeros(machine.right.shape[0])
+    for i in range(s):
+        _table_row(machine, data, starts[i], table[i], c)
+    used = s
+    best_value[:] = np.inf
+    best_x[:] = starts[0]
+    taken = np.zeros(s, np.bool_)
+    following = 0
+    for target in range(t):
+        taken[:] = False
+        for restart in range(min(settings.restarts, s)):
+            row = _best_row(table, target, s, taken)
+            if row >= 0 and restart > 0:
+                while taken[following % s] or not np.isfinite(table[following % s, target]):
+                    following += 1
+                row = following % s
+            if row < 0:
+                break
+            taken[row] = True
+            used += _descend(machine, data, target, starts[row], settings, best_x, best_value, c)
+    for _ in range(settings.rounds if d > 0 else 0):
+        used += _exchange(machine, data, settings, best_x, best_value, c)
+    return used
+
+
+@njit(**_EXACT)
+def _exchange(machine, data, settings, best_x, best_value, c):
+    """Every target descends once from that optimum of another target which suits it best."""
+    t = best_value.shape[0]
+    found, table, taken = best_x.copy(), np.full((t, t), np.inf), np.zeros(t, np.bool_)
+    for row in range(t):
+        _table_row(machine, data, found[row], table[row], c)
+    used = t
+    for target in range(t):
+        taken[:] = False
+        taken[target] = True
+        row = _best_row(table, target, t, taken)
+        if row >= 0:
+            used += _descend(machine, data, target, found[row], settings, best_x, best_value, c)
+    return used
+
+
+@njit(**_EXACT)
+def polish_targets(machine, data, settings, best_x, best_value, best_c):
+    """Descends once more from each target's best (t, d) with a small fresh simplex; fills best_c (t, k) too."""
     used = 0
     x = np.empty(best_x.shape[1])
     for target in range(best_value.shape[0]):
         x[:] = best_x[target]
-        value, evaluations = nelder_mead(machine, data, target, x, step, limit, tolerance, best_c[target])
+        value, evaluations = nelder_mead(
+            machine,
+            data,
+            target,
+            x,
+            0.2 * settings.step,
+            settings.limit,
+            0.01 * settings.tolerance,
+            best_c[target],
+        )
         used += evaluations
         if not value > best_value[target]:
             best_x[target] = x

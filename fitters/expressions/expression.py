@@ -46,6 +46,10 @@ class Expression:
     def __hash__(self) -> int:
         return self._hash
 
+    def __reduce__(self) -> tuple[type["Expression"], tuple[str, tuple["Expression", ...]]]:
+        # Hashes of strings differ between processes: make them anew.
+        return Expression, (self.symbol, self.children)
+
     def __repr__(self) -> str:
         from fitters.expressions.text import to_text
 

@@ -17,7 +17,8 @@ _INFIX = {"add": ("+", 1), "sub": ("-", 1), "mul": ("*", 2), "div": ("/", 2)}
 _OPERATORS = {sign: (name, precedence) for name, (sign, precedence) in _INFIX.items()}
 _NEGATION = 3
 _TOKEN = re.compile(
-    r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z]\w*)?)|(?P<sign>[-+*/(),]))"
+    r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z]\w*)?)|(?P<sign>[-+*/(),]))",
+    re.ASCII,
 )
 
 

@@ -1,7 +1,28 @@
 """Fits: the problem (cells, light weights, target values), the metric, and the best parameters per target."""
 
-from fitters.fits.fit import Fit, FitSettings, exact_errors, fit, refit
+from fitters.fits.exact import exact_errors
+from fitters.fits.fit import Fit, FitSettings, fit, refit
 from fitters.fits.metrics import METRICS
 from fitters.fits.problem import FitProblem, fit_problem
+from fitters.fits.recipe import ProblemRecipe, build_problem
+from fitters.fits.stages import Confirmed, Description, DescriptionJob, FitJob, confirm, describe, screen
 
-__all__ = ["METRICS", "Fit", "FitProblem", "FitSettings", "exact_errors", "fit", "fit_problem", "refit"]
+__all__ = [
+    "METRICS",
+    "Confirmed",
+    "Description",
+    "DescriptionJob",
+    "Fit",
+    "FitJob",
+    "FitProblem",
+    "FitSettings",
+    "ProblemRecipe",
+    "build_problem",
+    "confirm",
+    "describe",
+    "exact_errors",
+    "fit",
+    "fit_problem",
+    "refit",
+    "screen",
+]

@@ -1,21 +1,20 @@
-"""The fit of one expression to every target of a problem: a pure function of expression, problem and settings.
+"""The fit of one expression to every target: a pure function of expression, cells, bounds and settings.
 
 Restarts are seeded from the expression itself, so that the same expression gets the same fit anywhere.
 """
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitters.engine.program import Program, lower
 from fitters.engine.projection import BLOCK
-from fitters.engine.simplex import Data, Machine, fit_targets, polish_targets
+from fitters.engine.simplex import Data, Descent, Machine, fit_targets, polish_targets
 from fitters.errors import FittersError
 from fitters.expressions import Expression, to_text
-from fitters.expressions.evaluation import evaluate_features
 from fitters.fits.metrics import Metric
 from fitters.fits.problem import Cells
 from fitters.grid import Array
@@ -24,7 +23,10 @@ Bounds = Mapping[str, tuple[float, float]]
 """Closed interval per parameter, `p0`..; a positive lower bound makes a simplex search its logarithm."""
 
 USUAL = (1e-3, 1e2)
-"""Where restarts begin, within the bounds: parameters of published fits rarely lie outside."""
+"""Where every other start lies, within the bounds: parameters of published fits rarely lie outside."""
+
+STEP = 0.5
+"""Extent of the first simplex, in logarithms as a rule."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +34,21 @@ class FitSettings:
     """How hard a fit tries.
 
     starts:      points at which every target is tried once
-    restarts:    simplex descents per target, from its best starts
+    restarts:    simplex descents per target
+    rounds:      of further descents, each from the optimum of another target
     evaluations: per descent and searched parameter
     tolerance:   relative spread of the objective over a converged simplex
     """
 
     starts: int = 48
     restarts: int = 3
-    evaluations: int = 40
+    rounds: int = 2
+    evaluations: int = 50
     tolerance: float = 1e-5
+
+    def descent(self, searched: int) -> Descent:
+        limit = self.evaluations * searched
+        return Descent(self.restarts, self.rounds, STEP, limit, self.tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +73,16 @@ class Fit:
 
 
 def fit(
-    expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, settings: FitSettings | None = None
+    expression: Expression,
+    cells: Cells,
+    metric: Metric,
+    bounds: Bounds,
+    settings: FitSettings | None = None,
+    near: Fit | None = None,
 ) -> Fit:
     """The fit of an expression over the cells, by Nelder-Mead over what is not linear in it (genBRDF, 3.6).
+
+    The parameters of a fit that is there (`near`) join the starts.
 
     Raises `FittersError` where a parameter of the expression has no bounds. Never raises for a formula that is
     not finite: its error is infinite.
@@ -75,39 +90,35 @@ def fit(
     settings = settings or FitSettings()
     problem = _Prepared(expression, cells, bounds)
     starts = _starts(expression, problem.machine.low, problem.machine.high, settings.starts)
+    if near is not None:
+        starts = np.concatenate([problem.coordinates(near), starts])
     x, value = np.zeros((len(cells.weights), starts.shape[1])), np.full(len(cells.weights), np.inf)
-    limit = settings.evaluations * max(starts.shape[1], 1)
-    used = fit_targets(
-        problem.machine, problem.data, starts, settings.restarts, 0.5, limit, settings.tolerance, x, value
-    )
+    descent = settings.descent(starts.shape[1])
+    used = fit_targets(problem.machine, problem.data, starts, descent, x, value)
     return problem.finish(metric, settings, x, value, used)
 
 
 def refit(
-    expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, near: Fit, settings: FitSettings
+    expression: Expression,
+    cells: Cells,
+    metric: Metric,
+    bounds: Bounds,
+    near: Fit,
+    settings: FitSettings,
+    *,
+    evaluations: int,
 ) -> Fit:
-    """The fit over other cells, all of them as a rule, from the parameters of a fit that is there."""
+    """The fit over other cells, all of them as a rule, by one descent from the parameters of a fit that is there.
+
+    `evaluations` per searched parameter; with 0 only the linear parameters are solved anew.
+    """
     problem = _Prepared(expression, cells, bounds)
     x, value = problem.coordinates(near), np.full(len(cells.weights), np.inf)
-    return problem.finish(metric, settings, x, value, 0)
-
-
-def exact_errors(expression: Expression, cells: Cells, found: Fit) -> NDArray[np.float64]:
-    """The errors (targets,) of a fit, evaluated in float64 with NumPy: what every report states.
-
-    Infinite for a target where the formula is not finite on some cell with light.
-    """
-    errors = np.empty(len(cells.weights))
-    for target, (weights, targets) in enumerate(zip(cells.weights, cells.targets, strict=True)):
-        values = evaluate_features(expression, found.parameters(target), cells.features)
-        with np.errstate(all="ignore"):
-            error = np.linalg.norm(weights * values - targets)
-        errors[target] = error if np.isfinite(error) else np.inf
-    return errors
+    return problem.finish(metric, replace(settings, evaluations=evaluations), x, value, 0)
 
 
 class _Prepared:
-    """An expression lowered and its vectors laid out for some cells; keeps alive what the addresses point to."""
+    """An expression lowered, its vectors laid out for some cells; keeps alive what the addresses point to."""
 
     def __init__(self, expression: Expression, cells: Cells, bounds: Bounds) -> None:
         missing = [name for name in expression.parameters if name not in bounds]
@@ -141,8 +152,7 @@ class _Prepared:
     def finish(self, metric: Metric, settings: FitSettings, x: NDArray, value: NDArray, used: int) -> Fit:
         """Polishes every target's best and states the fit in the expression's own parameters."""
         c = np.zeros((len(value), len(self.program.linear)))
-        limit = settings.evaluations * max(x.shape[1], 1)
-        used += polish_targets(self.machine, self.data, 0.1, limit, settings.tolerance * 1e-2, x, value, c)
+        used += polish_targets(self.machine, self.data, settings.descent(x.shape[1]), x, value, c)
         p = np.where(self.machine.logarithmic, np.exp(x), x)
         solved = dict(zip(self.program.searched, p.T, strict=True)) | dict(
             zip(self.program.linear, c.T, strict=True)
@@ -202,5 +212,5 @@ def _starts(expression: Expression, low: Array, high: Array, count: int) -> Arra
     points = np.mod(np.random.default_rng(seed).random(d) + np.outer(np.arange(count), steps), 1.0)
     # Coordinates are logarithms where the parameter is bounded away from zero from below.
     first, last = np.maximum(low, np.log(USUAL[0])), np.minimum(high, np.log(USUAL[1]))
-    first, last = np.where(first < last, first, low), np.where(first < last, last, high)
-    return first + points * (last - first)
+    usual = np.where(first < last, first + points * (last - first), low + points * (high - low))
+    return np.where((np.arange(count) % 2 == 0)[:, None], usual, low + points * (high - low))

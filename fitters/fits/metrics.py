@@ -36,7 +36,7 @@ class Metric:
         return float(np.linalg.norm(weights * measured) or np.linalg.norm(weights))
 
     def combine(self, errors: Array) -> float:
-        """One number for the errors (targets,): their root mean square, or their L2 norm where unnormalised."""
+        """One number for the errors (targets,): their root mean square, or L2 norm where unnormalised."""
         squares = float(np.sum(np.square(errors, dtype=np.float64)))
         return float(np.sqrt(squares / len(errors) if self.normalised else squares))
 

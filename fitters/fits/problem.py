@@ -5,6 +5,7 @@ Cells that the scene does not light, or where no material is valid, are left out
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,11 @@ from fitters.grid import Array, cell_directions
 from fitters.materials import Material
 from fitters.scenes import LightTable
 
-UNIFORM_SHARE = 0.3
-"""Of the sampled cells, so many are drawn uniformly, the rest by the energy they carry."""
+SHARES = {"uniform": 0.2, "light": 0.3, "energy": 0.5}
+"""How sampled cells are drawn: uniformly, by their light alone, by the reflected energy they carry.
+
+Energy is where a good formula is judged, light where a bad one may go wrong unseen.
+"""
 
 CHANNELS = ("red", "green", "blue")
 
@@ -56,17 +60,40 @@ class Cells:
 
 
 @dataclass(frozen=True, eq=False)
+class Source:
+    """What cells are made of: the materials, the light, and the flat indices of the cells that both cover."""
+
+    materials: tuple[Material, ...]
+    light: LightTable
+    index: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class FitProblem:
     """Targets to explain: one per material and colour channel, material by material.
 
+    `full` holds all cells that matter, `fine` and `sample` are weighted samples of them, large and small.
     `sha256` identifies the whole problem: equal problems have equal fits.
     """
 
-    materials: tuple[str, ...]
+    source: "Source"
     metric: Metric
     full: Cells
+    fine: Cells
     sample: Cells
     sha256: str
+
+    @cached_property
+    def full_by_metric(self) -> dict[str, Cells]:
+        """All cells, weighted for every metric there is."""
+        others = {
+            name: full_cells(self.source, other) for name, other in METRICS.items() if other != self.metric
+        }
+        return {self.metric.name: self.full} | others
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        return tuple(material.name for material in self.source.materials)
 
     @property
     def targets(self) -> tuple[tuple[str, str], ...]:
@@ -75,11 +102,17 @@ class FitProblem:
 
 
 def fit_problem(
-    materials: Sequence[Material], light: LightTable, *, metric: str, sample_cells: int, seed: int
+    materials: Sequence[Material],
+    light: LightTable,
+    *,
+    metric: str,
+    sample_cells: int,
+    fine_cells: int = 16384,
+    seed: int,
 ) -> FitProblem:
     """The problem of fitting the materials (not empty, names distinct) under a light by a metric's name.
 
-    `sample_cells` cells are drawn with `seed`; where there are fewer, the sample is all of them.
+    `sample_cells` and `fine_cells` cells are drawn with `seed`; where there are fewer, a sample is all.
     """
     names = tuple(material.name for material in materials)
     if not names or len(set(names)) < len(names):
@@ -90,19 +123,21 @@ def fit_problem(
     index = np.flatnonzero((light.lit & valid).ravel())
     if not len(index):
         raise FittersError("the scene lights no cell in which a material was measured: choose another light")
-    full = _full_cells(materials, light, METRICS[metric], index)
-    key = cache.digest(metric, sample_cells, seed, light.sha256, *(m.sha256 for m in materials))
-    return FitProblem(names, METRICS[metric], full, sample(full, sample_cells, seed), key)
+    source = Source(tuple(materials), light, index)
+    full = full_cells(source, METRICS[metric])
+    key = cache.digest(metric, sample_cells, fine_cells, seed, light.sha256, *(m.sha256 for m in materials))
+    fine, coarse = sample(full, fine_cells, seed), sample(full, sample_cells, seed)
+    return FitProblem(source, METRICS[metric], full, fine, coarse, key)
 
 
-def _full_cells(
-    materials: Sequence[Material], light: LightTable, metric: Metric, index: NDArray[np.int64]
-) -> Cells:
+def full_cells(source: Source, metric: Metric) -> Cells:
+    """All cells of a source, weighted for a metric."""
+    index = source.index
     w_i, w_o = cell_directions()
-    carried = light.table.reshape(3, -1)[:, index].astype(np.float64)
-    weights = np.zeros((3 * len(materials), len(index)), np.float32)
+    carried = source.light.table.reshape(3, -1)[:, index].astype(np.float64)
+    weights = np.zeros((3 * len(source.materials), len(index)), np.float32)
     targets = np.zeros_like(weights)
-    for number, material in enumerate(materials):
+    for number, material in enumerate(source.materials):
         valid = material.valid.ravel()[index]
         measured = material.table.reshape(3, -1)[:, index].astype(np.float64)
         for channel in range(3):
@@ -114,20 +149,28 @@ def _full_cells(
 
 
 def sample(cells: Cells, count: int, seed: int) -> Cells:
-    """About `count` cells: a uniform share, the rest drawn by their energy, mean over targets; systematic, seeded.
+    """About `count` cells, drawn in the `SHARES` above (means over targets); systematic, seeded.
 
     Each stands for 1 / (its expected number of draws) cells, which keeps sums over cells unbiased.
     """
     n = len(cells)
     if count >= n:
         return cells
-    energy = np.square(cells.targets, dtype=np.float64)
-    totals = energy.sum(axis=1, keepdims=True)
-    energy = np.mean(np.divide(energy, totals, out=np.zeros_like(energy), where=totals > 0), axis=0)
-    energy = energy / energy.sum() if energy.sum() > 0 else np.full(n, 1.0 / n)
-    probability = UNIFORM_SHARE / n + (1.0 - UNIFORM_SHARE) * energy
+    drawn_by = {
+        "uniform": np.full(n, 1.0 / n),
+        "light": _mean_share(cells.weights),
+        "energy": _mean_share(cells.targets),
+    }
+    probability = sum((share * drawn_by[name] for name, share in SHARES.items()), np.zeros(n))
     cumulative = np.cumsum(probability)
     offset = np.random.default_rng(seed).random()
     points = (np.arange(count) + offset) / count * cumulative[-1]
     drawn, times = np.unique(np.minimum(np.searchsorted(cumulative, points), n - 1), return_counts=True)
     return cells.take(drawn, times / (count * probability[drawn]))
+
+
+def _mean_share(rows: NDArray[np.float32]) -> Array:
+    """Each cell's share (n,) of the squared sum of a row (rows, n), the mean over rows; sums to 1 at most."""
+    squares = np.square(rows, dtype=np.float64)
+    totals = squares.sum(axis=1, keepdims=True)
+    return np.mean(np.divide(squares, totals, out=np.zeros_like(squares), where=totals > 0), axis=0)

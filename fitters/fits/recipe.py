@@ -1,0 +1,34 @@
+"""The recipe of a fit problem: the few hundred bytes from which every process builds the same one."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from fitters.fits.problem import FitProblem, fit_problem
+from fitters.materials import load_material
+from fitters.scenes import Scene, light_table
+
+
+@dataclass(frozen=True)
+class ProblemRecipe:
+    """Materials and light by reference (relative to `folder`), how many cells are sampled, and the seed."""
+
+    materials: tuple[str, ...]
+    scene: Scene
+    metric: str
+    sample_cells: int
+    fine_cells: int
+    seed: int
+    folder: str
+
+
+def build_problem(recipe: ProblemRecipe) -> FitProblem:
+    """The problem of a recipe. Raises `FittersError` for a file that is missing or bad."""
+    folder = Path(recipe.folder)
+    return fit_problem(
+        [load_material(reference, base=folder) for reference in recipe.materials],
+        light_table(recipe.scene, base=folder),
+        metric=recipe.metric,
+        sample_cells=recipe.sample_cells,
+        fine_cells=recipe.fine_cells,
+        seed=recipe.seed,
+    )

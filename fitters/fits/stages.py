@@ -1,0 +1,110 @@
+"""What a worker does with candidates: pure functions of a fit problem and a small payload.
+
+A search screens thousands of candidates on a small sample of cells, confirms on all cells those that could enter
+the front, and at last describes the members of the front in full.
+"""
+
+import time
+from dataclasses import dataclass, replace
+
+from fitters.engine.cost import cost_ns
+from fitters.expressions import parse
+from fitters.fits.checks import Checks, check
+from fitters.fits.exact import exact_errors
+from fitters.fits.fit import Bounds, Fit, FitSettings, fit, refit
+from fitters.fits.metrics import METRICS
+from fitters.fits.problem import FitProblem
+
+POLISH_EVALUATIONS = 8
+"""Per searched parameter, of the last descent on all cells: from a fit on the fine sample it is a short way."""
+
+
+@dataclass(frozen=True)
+class FitJob:
+    """Expressions to fit, in text form, all with the same bounds (name, low, high) and settings."""
+
+    expressions: tuple[str, ...]
+    bounds: tuple[tuple[str, float, float], ...]
+    settings: FitSettings
+
+    @property
+    def intervals(self) -> Bounds:
+        return {name: (low, high) for name, low, high in self.bounds}
+
+
+@dataclass(frozen=True)
+class DescriptionJob:
+    """A confirmed fit to describe, with the bounds and settings that it was found with."""
+
+    expression: str
+    fit: Fit
+    bounds: tuple[tuple[str, float, float], ...]
+    settings: FitSettings
+
+    @property
+    def intervals(self) -> Bounds:
+        return {name: (low, high) for name, low, high in self.bounds}
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A fit on all cells, beside the error of the same expression on the small sample."""
+
+    fit: Fit
+    screened: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Description:
+    """All that is reported of a front member or baseline. `metrics` holds its error by every metric."""
+
+    fit: Fit
+    metrics: dict[str, float]
+    checks: Checks
+    cost_ns: float
+
+
+def screen(problem: FitProblem, job: FitJob) -> list[Fit]:
+    """The fits of a job's expressions on the small sample."""
+    return [
+        fit(parse(text), problem.sample, problem.metric, job.intervals, job.settings)
+        for text in job.expressions
+    ]
+
+
+def confirm(problem: FitProblem, job: FitJob) -> list[Confirmed]:
+    """The fits of a job's expressions: screened, fitted on the fine sample, judged on all cells."""
+    return [_confirm(problem, text, job) for text in job.expressions]
+
+
+def _confirm(problem: FitProblem, text: str, job: FitJob) -> Confirmed:
+    started = time.perf_counter()
+    expression, metric, bounds = parse(text), problem.metric, job.intervals
+    screened = fit(expression, problem.sample, metric, bounds, job.settings)
+    found = fit(expression, problem.fine, metric, bounds, job.settings, near=screened)
+    found = refit(expression, problem.full, metric, bounds, found, job.settings, evaluations=0)
+    return Confirmed(found, screened.error, time.perf_counter() - started)
+
+
+def describe(problem: FitProblem, job: DescriptionJob) -> Description:
+    """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
+    expression, bounds = parse(job.expression), job.intervals
+    found = refit(
+        expression,
+        problem.full,
+        problem.metric,
+        bounds,
+        job.fit,
+        job.settings,
+        evaluations=POLISH_EVALUATIONS,
+    )
+    exact = exact_errors(expression, problem, found)
+    errors = exact.by_metric[problem.metric.name]
+    found = replace(found, errors=errors, error=problem.metric.combine(errors))
+    return Description(
+        fit=found,
+        metrics={name: METRICS[name].combine(values) for name, values in exact.by_metric.items()},
+        checks=check(expression, found, exact.minimum),
+        cost_ns=cost_ns(expression),
+    )

@@ -1,0 +1,116 @@
+"""Reaching a Dask cluster, or starting one of this machine's processes, and making sure it can do the work."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from contextlib import ExitStack
+from time import monotonic
+
+from dask.system import CPU_COUNT
+from distributed import Client, LocalCluster
+from distributed.system import MEMORY_LIMIT
+
+from workers.errors import WorkersError
+from workers.terminal import interrupts_kept_from_children, silenced_logs
+
+PACKAGE = "gpsearch"
+ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
+ONE_THREAD = {
+    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+}
+
+
+def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
+    """A client of the scheduler at `address`, which has at least one worker; `stack` closes it.
+
+    Raises `WorkersError` for a malformed address, or where scheduler or worker stay away for `wait_seconds`.
+    """
+    match = ADDRESS.fullmatch(address)
+    if match is None or not 0 < int(match["port"]) < 65536:
+        raise WorkersError(
+            f"{address!r} is not the address of a Dask scheduler: "
+            "write tcp://HOST:PORT, such as tcp://127.0.0.1:8786"
+        )
+    stack.enter_context(silenced_logs())
+    deadline = monotonic() + wait_seconds
+    try:
+        client = Client(address, timeout=wait_seconds, set_as_default=False, name=PACKAGE)
+        stack.callback(client.close)
+    except (OSError, ValueError) as error:
+        raise WorkersError(
+            f"no Dask scheduler answers at {address} after {wait_seconds:g} s: "
+            "start one with `dask-scheduler`, or set executor: local"
+        ) from error
+    except ImportError as error:
+        raise WorkersError(f"the Dask scheduler at {address} refuses this client: {error}") from error
+    try:
+        client.wait_for_workers(1, timeout=max(0.1, deadline - monotonic()))
+    except TimeoutError as error:
+        raise WorkersError(
+            f"the Dask scheduler at {address} has no workers after {wait_seconds:g} s: "
+            f"start some with `dask-worker {address}`"
+        ) from error
+    except OSError as error:
+        raise WorkersError(
+            f"the Dask scheduler at {address} went away while we waited for workers: {error}"
+        ) from error
+    return client
+
+
+def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) -> Client:
+    """A client of `workers` fresh processes of this machine (None: one per core), each with one thread and
+    an equal share of the memory; `stack` closes both.
+    """
+    count = CPU_COUNT if workers is None else workers
+    if count < 1:
+        raise WorkersError(f"workers: {count} processes cannot do any work: ask for at least 1")
+    stack.enter_context(silenced_logs())
+    try:
+        with interrupts_kept_from_children():
+            cluster = LocalCluster(
+                n_workers=count,
+                processes=True,
+                threads_per_worker=1,
+                memory_limit=MEMORY_LIMIT // count,
+                dashboard_address=None,
+                preload=["workers.terminal"],
+                env=ONE_THREAD,
+                silence_logs=False,
+            )
+            stack.callback(cluster.close)
+            client = Client(cluster, timeout=wait_seconds, set_as_default=False, name=PACKAGE)
+            stack.callback(client.close)
+    except (OSError, RuntimeError) as error:
+        raise WorkersError(f"{count} worker processes could not be started here: {error}") from error
+    return client
+
+
+def require_same_package(client: Client) -> None:
+    """Raises `WorkersError` where the scheduler or a worker holds another gpsearch than this process, or none.
+
+    Asks by a function of the standard library, since it must be found where our package is not.
+    """
+    ours = importlib.metadata.version(PACKAGE)
+    remote = {f"worker {address}": answer for address, answer in _versions_of_workers(client).items()}
+    remote["scheduler"] = _version_of_scheduler(client)
+    for place, version in remote.items():
+        if isinstance(version, importlib.metadata.PackageNotFoundError):
+            raise WorkersError(f"{place} has no {PACKAGE}: install {PACKAGE} {ours} there")
+        if isinstance(version, BaseException):
+            raise WorkersError(f"{place} cannot say which {PACKAGE} it has: {version}") from version
+        if version != ours:
+            raise WorkersError(
+                f"{place} has {PACKAGE} {version}, this process {ours}: install the same version on both"
+            )
+
+
+def _versions_of_workers(client: Client) -> dict[str, str | BaseException]:
+    return client.run(importlib.metadata.version, PACKAGE, on_error="return")
+
+
+def _version_of_scheduler(client: Client) -> str | BaseException:
+    try:
+        return client.run_on_scheduler(importlib.metadata.version, PACKAGE)
+    except Exception as error:
+        return error
