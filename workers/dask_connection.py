@@ -1,4 +1,4 @@
-"""Reaching a Dask cluster, or starting one of this machine's processes, and making sure it can do the work."""
+"""Reaching a Dask cluster, and making sure that it can do the work."""
 
 from __future__ import annotations
 
@@ -7,18 +7,13 @@ import re
 from contextlib import ExitStack
 from time import monotonic
 
-from dask.system import CPU_COUNT
-from distributed import Client, LocalCluster
-from distributed.system import MEMORY_LIMIT
+from distributed import Client
 
 from workers.errors import WorkersError
-from workers.terminal import interrupts_kept_from_children, silenced_logs
+from workers.terminal import silenced_logs
 
 PACKAGE = "gpsearch"
 ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
-ONE_THREAD = {
-    name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-}
 
 
 def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
@@ -58,36 +53,8 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
     return client
 
 
-def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) -> Client:
-    """A client of `workers` fresh processes of this machine (None: one per core), each with one thread and
-    an equal share of the memory; `stack` closes both.
-    """
-    count = CPU_COUNT if workers is None else workers
-    if count < 1:
-        raise WorkersError(f"workers: {count} processes cannot do any work: ask for at least 1")
-    stack.enter_context(silenced_logs())
-    try:
-        with interrupts_kept_from_children():
-            cluster = LocalCluster(
-                n_workers=count,
-                processes=True,
-                threads_per_worker=1,
-                memory_limit=MEMORY_LIMIT // count,
-                dashboard_address=None,
-                preload=["workers.terminal"],
-                env=ONE_THREAD,
-                silence_logs=False,
-            )
-            stack.callback(cluster.close)
-            client = Client(cluster, timeout=wait_seconds, set_as_default=False, name=PACKAGE)
-            stack.callback(client.close)
-    except (OSError, RuntimeError) as error:
-        raise WorkersError(f"{count} worker processes could not be started here: {error}") from error
-    return client
-
-
 def require_same_package(client: Client) -> None:
-    """Raises `WorkersError` where the scheduler or a worker holds another gpsearch than this process, or none.
+    """Raises `WorkersError` where the scheduler or a worker holds another gpsearch than ours, or none.
 
     Asks by a function of the standard library, since it must be found where our package is not.
     """

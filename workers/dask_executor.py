@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 from uuid import uuid4
 
-from distributed import Client, CancelledError, Future, KilledWorker, as_completed, get_worker
+from distributed import CancelledError, Client, Future, KilledWorker, as_completed, get_worker
 
 from workers.context import Recipe, context_of
-from workers.dask_connection import connect, require_same_package, start_processes
+from workers.dask_connection import connect, require_same_package
 from workers.errors import WorkersError, task_failed
+from workers.processes import start_processes
 
 P = TypeVar("P")
 R = TypeVar("R")
@@ -62,7 +63,7 @@ class DaskExecutor:
             for index, payload in enumerate(payloads):
                 task = Task(function, recipe, payload)
                 outstanding[self._client.submit(run_task, task, key=(name, index), pure=False)] = index
-            for batch in as_completed(list(outstanding)).batches():
+            for batch in as_completed(list(outstanding), loop=self._client.loop).batches():
                 for future, result in zip(batch, self._results(batch, outstanding, label), strict=True):
                     index = outstanding.pop(future)
                     future.release()
@@ -122,8 +123,8 @@ def key_prefix(label: str) -> str:
 def _failure(label: str, index: int, error: BaseException) -> WorkersError:
     if isinstance(error, KilledWorker):
         failure = WorkersError(
-            f"{label}: task {index} was given up after {error.allowed_failures + 1} worker processes died while "
-            f"running it, the last at {error.last_worker.address}: its log says why; memory is the usual reason"
+            f"{label}: task {index} was given up after {error.allowed_failures + 1} worker processes died "
+            f"running it, the last at {error.last_worker.address}: see its log; memory is the usual reason"
         )
     else:
         where = next(iter(getattr(error, "__notes__", ())), "a worker")

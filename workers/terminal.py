@@ -6,30 +6,27 @@ import logging
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
 
 NOISY = ("distributed", "distributed.client", "distributed.gc", "asyncio", "tornado.application")
 """The loggers that distributed gives a level and a handler of their own, and those of its event loop."""
 
 
+def silence_logs() -> None:
+    """Dask logs nothing in this process from now on."""
+    for name in NOISY:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
 @contextmanager
 def silenced_logs() -> Iterator[None]:
     """Within it, Dask logs nothing in this process: what matters to a user is raised as `WorkersError`."""
-    loggers = [logging.getLogger(name) for name in NOISY]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
+    before = {name: logging.getLogger(name).level for name in NOISY}
+    silence_logs()
     try:
         yield
     finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-
-
-def dask_setup(_worker: Any) -> None:
-    """Silences a worker process of this machine; Dask calls it in modules given as `preload`."""
-    for name in NOISY:
-        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
 
 
 @contextmanager

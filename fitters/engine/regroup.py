@@ -10,15 +10,21 @@ from collections import Counter
 
 from fitters.engine.graph import CELL, CONSTANT, MIXED, SCALAR, Graph
 
+_PRODUCTS = ("mul", "div", "neg")
+_SUMS = ("add", "sub")
+
 _NON_NEGATIVE_FEATURES = frozenset(("wi.z", "wo.z", "wh.z", "wi.wh"))
 
 
 def regroup(source: Graph, roots: list[int]) -> tuple[Graph, list[int]]:
     """A new graph that computes the same values for the roots, and their nodes there."""
     pass_ = _Regroup(source, roots)
-    for node in source.reachable(roots):
+    nodes = source.reachable(roots)
+    opened = {child for node in nodes for child in source.children(node) if pass_.opens(node, child)}
+    for node in nodes:
         # Children first, so that no recursion is as deep as the graph.
-        pass_.node(node)
+        if node not in opened:
+            pass_.node(node)
     return pass_.target, [pass_.node(root) for root in roots]
 
 
@@ -45,9 +51,9 @@ class _Regroup:
             return self.target.param(rest[0])
         if operator == "feature":
             return self.target.feature(rest[0])
-        if operator in ("mul", "div", "neg"):
+        if operator in _PRODUCTS:
             return self._product(node)
-        if operator in ("add", "sub"):
+        if operator in _SUMS:
             return self._sum(node)
         if operator == "pow" and self._hoistable_power(node):
             base, exponent = (self.node(child) for child in rest)
@@ -61,6 +67,12 @@ class _Regroup:
             and self.source.classes[exponent] in (SCALAR, MIXED)
             and non_negative(self.source, base)
         )
+
+    def opens(self, parent: int, child: int) -> bool:
+        """Whether rebuilding the parent takes the child apart."""
+        operator, inner = self.source.nodes[parent][0], self.source.nodes[child][0]
+        alike = inner in _PRODUCTS if operator in _PRODUCTS else operator in _SUMS and inner in (*_SUMS, "neg")
+        return alike and self._may_open(child)
 
     def _may_open(self, node: int) -> bool:
         """Whether a nested sum or product may be taken apart: not where its value is wanted elsewhere too.
@@ -77,7 +89,7 @@ class _Regroup:
         def collect(node: int, inverted: bool) -> None:
             nonlocal sign
             operator = self.source.nodes[node][0]
-            if operator in ("mul", "div", "neg") and (node == root or self._may_open(node)):
+            if operator in _PRODUCTS and (node == root or self._may_open(node)):
                 children = self.source.children(node)
                 if operator == "neg":
                     sign = -sign
@@ -137,7 +149,7 @@ class _Regroup:
 
         def collect(node: int, minus: bool) -> None:
             operator = self.source.nodes[node][0]
-            if operator in ("add", "sub") and (node == root or self._may_open(node)):
+            if operator in _SUMS and (node == root or self._may_open(node)):
                 first, second = self.source.children(node)
                 collect(first, minus)
                 collect(second, minus != (operator == "sub"))

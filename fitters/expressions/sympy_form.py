@@ -8,6 +8,14 @@ from fitters.expressions import grammar
 from fitters.expressions.evaluation import dot_feature
 from fitters.expressions.expression import Expression
 
+def _power(base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
+    # SymPy writes whole powers of numbers out: 4^(4^16) would fill the memory.
+    huge = base.is_Number and exponent.is_Number and abs(exponent) > _LARGEST_POWER
+    return sympy.Pow(base, exponent, evaluate=not huge)
+
+
+_LARGEST_POWER = 64
+
 _FUNCTIONS = {
     "neg": lambda a: -a,
     "sin": sympy.sin,
@@ -24,7 +32,7 @@ _FUNCTIONS = {
     "div": lambda a, b: a / b,
     "max": sympy.Max,
     "min": sympy.Min,
-    "pow": sympy.Pow,
+    "pow": _power,
 }
 
 
@@ -69,6 +77,11 @@ def from_sympy(form: sympy.Expr) -> Expression:
         return Expression("exp", tuple(arguments))
     if form.is_Pow:
         return Expression("pow", tuple(arguments))
+    # SymPy's own rewriting makes these two: sqrt(x^2) = |x|, tan(x + pi/2) = -cot(x).
+    if isinstance(form, sympy.Abs):
+        return Expression("max", (arguments[0], Expression("neg", (arguments[0],))))
+    if isinstance(form, sympy.cot):
+        return Expression("div", (Expression("1"), Expression("tan", (arguments[0],))))
     name = type(form).__name__
     if name in grammar.UNARY:
         return Expression(name, tuple(arguments))

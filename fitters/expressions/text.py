@@ -73,28 +73,34 @@ class _Parser:
             raise FittersError(f"the whole expression is the vector {node.symbol}: a BRDF is a number")
         return node
 
-    def expression(self, least: int) -> Expression:
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise FittersError(f"an expression may be nested at most {MAX_DEPTH} levels deep")
-        node = self.operand()
+    def expression(self, least: int, steps: int = 1) -> Expression:
+        """What stands here, up to an operator that binds less than `least`.
+
+        A level of a tree takes two steps at most (a right operand and its parentheses), a step one stack frame.
+        """
+        self.depth += steps
+        if self.depth > 2 * MAX_DEPTH:
+            raise FittersError(
+                f"an expression may be nested at most {MAX_DEPTH} levels deep (character {self.position()})"
+            )
+        token = self.peek()
+        if token == "-":
+            self.at += 1
+            node = self.node("neg", (self.expression(_NEGATION, steps=2),))
+        elif token == "(":
+            self.at += 1
+            node = self.expression(1)
+            self.expect(")")
+        else:
+            node = self.operand(token)
         while (sign := self.peek()) in _OPERATORS and _OPERATORS[sign][1] >= least:
             self.at += 1
             name, precedence = _OPERATORS[sign]
             node = self.node(name, (node, self.expression(precedence + 1)))
-        self.depth -= 1
+        self.depth -= steps
         return node
 
-    def operand(self) -> Expression:
-        token = self.peek()
-        if token == "-":
-            self.at += 1
-            return self.node("neg", (self.expression(_NEGATION),))
-        if token == "(":
-            self.at += 1
-            node = self.expression(1)
-            self.expect(")")
-            return node
+    def operand(self, token: str | None) -> Expression:
         if token is None or not (token[0].isalnum() or token[0] == "_"):
             raise self.error("a number, a name, '-' or '('")
         if token[0].isdigit():
@@ -116,10 +122,10 @@ class _Parser:
         if not grammar.arity(name):
             return Expression(name)
         self.expect("(")
-        children = [self.expression(1)]
+        children = [self.expression(1, steps=2)]
         while len(children) < grammar.arity(name):
             self.expect(",")
-            children.append(self.expression(1))
+            children.append(self.expression(1, steps=2))
         self.expect(")")
         return self.node(name, tuple(children))
 

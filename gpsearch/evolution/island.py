@@ -1,0 +1,125 @@
+"""Islands: sub-populations that breed among themselves, after section 3.2 of the genBRDF paper.
+
+All functions here are pure: no clock, no global randomness, no input or output.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.expressions import to_text
+from gpsearch.evolution.seeds import Role, generator
+from gpsearch.genomes import Genome, Mutation, crossover, random_edit, reify
+from gpsearch.genomes.genome import draft
+
+
+@dataclass(frozen=True)
+class Breeding:
+    """The numbers of the search.
+
+    starts:     starting expressions in text form
+    size:       individuals per island, even
+    tournament: of so many random individuals the best becomes a parent
+    """
+
+    starts: tuple[str, ...]
+    size: int
+    tournament: int
+    mutation: Mutation
+
+
+@dataclass(frozen=True, slots=True)
+class Offspring:
+    """A genome that has not been fitted yet, and its expression in text form."""
+
+    genome: Genome
+    expression: str
+    nodes: int
+
+
+@dataclass(frozen=True, slots=True)
+class Individual:
+    """A genome with the error of its expression, infinite where no fit is finite."""
+
+    genome: Genome
+    expression: str
+    nodes: int
+    error: float
+
+    @property
+    def rank(self) -> tuple[float, int, str]:
+        """What is better sorts first: smaller error, then size; the text only makes the order total."""
+        return (self.error, self.nodes, self.expression)
+
+
+@dataclass(frozen=True)
+class Island:
+    """A population and how many generations it has lived; generation 0 has no population yet."""
+
+    number: int
+    generation: int = 0
+    population: tuple[Individual, ...] = ()
+
+
+def advance(island: Island, breeding: Breeding, run_seed: int) -> tuple[Offspring, ...]:
+    """The next generation, not fitted: founders with one random edit each, or the children of this one.
+
+    Half as many parents as there are individuals are chosen by tournament and paired at random; one-point
+    crossover makes as many offspring; then parents and offspring each get one more random edit.
+    """
+    if not island.population:
+        return _founders(island, breeding, generator(run_seed, island.number, 0, Role.FOUND))
+    rng = generator(run_seed, island.number, island.generation, Role.ADVANCE)
+    parents = [_tournament(island.population, breeding.tournament, rng) for _ in range(breeding.size // 2)]
+    paired = [parents[i] for i in rng.permutation(len(parents))]
+    children: list[Genome] = []
+    for first, second in zip(paired[::2], [*paired[1::2], paired[0]], strict=False):
+        cut = int(rng.integers(1, len(first.edits))) if len(first.edits) > 1 else 0
+        children += crossover(first, second, cut)
+    genomes = parents + [_viable(child, breeding, first) for child, first in zip(children, paired, strict=False)]
+    return tuple(_mutated(genome, breeding, rng) for genome in genomes)
+
+
+def survive(island: Island, offspring: Sequence[Offspring], errors: Mapping[str, float]) -> Island:
+    """The island whose population is the offspring, with the errors (by expression) that fits have found."""
+    population = tuple(
+        Individual(child.genome, child.expression, child.nodes, errors[child.expression]) for child in offspring
+    )
+    return Island(island.number, island.generation + 1, population)
+
+
+def migrate(islands: Sequence[Island], migrants: int) -> tuple[Island, ...]:
+    """Every island's best `migrants` replace the worst of the next island in the ring (section 3.2, step 5)."""
+    if len(islands) < 2 or not migrants:
+        return tuple(islands)
+    best = [sorted(island.population, key=lambda i: i.rank)[:migrants] for island in islands]
+    moved = []
+    for position, island in enumerate(islands):
+        stay = sorted(island.population, key=lambda i: i.rank)[: len(island.population) - migrants]
+        moved.append(Island(island.number, island.generation, (*stay, *best[position - 1])))
+    return tuple(moved)
+
+
+def _founders(island: Island, breeding: Breeding, rng: np.random.Generator) -> tuple[Offspring, ...]:
+    """Genomes of one edit; the starts take turns."""
+    return tuple(
+        _mutated(Genome(breeding.starts[i % len(breeding.starts)]), breeding, rng) for i in range(breeding.size)
+    )
+
+
+def _tournament(population: Sequence[Individual], count: int, rng: np.random.Generator) -> Genome:
+    drawn = rng.integers(len(population), size=count)
+    return min((population[i] for i in drawn), key=lambda individual: individual.rank).genome
+
+
+def _mutated(genome: Genome, breeding: Breeding, rng: np.random.Generator) -> Offspring:
+    """The genome with one more random edit. A root that became a vector or grew too large cannot come of it."""
+    mutated = genome.with_edit(random_edit(draft(genome), breeding.mutation, rng))
+    expression = reify(mutated)
+    return Offspring(mutated, to_text(expression), expression.nodes)
+
+
+def _viable(child: Genome, breeding: Breeding, parent: Genome) -> Genome:
+    """The child, or its parent where crossover made it larger than the limit allows."""
+    return child if reify(child).nodes <= breeding.mutation.max_nodes else parent

@@ -1,0 +1,93 @@
+"""A configuration turned into what the search and its workers take."""
+
+from dataclasses import dataclass
+
+from fitters.expressions import to_text
+from fitters.expressions.catalogue import formula
+from fitters.fits import FitJob, FitSettings, ProblemRecipe, build_problem
+from fitters.scenes import Scene
+from gpsearch.configuration import Configuration
+from gpsearch.evolution.island import Breeding
+from gpsearch.evolution.seeds import cells_seed
+from gpsearch.genomes import Mutation, codebank
+from workers import Recipe
+
+
+@dataclass(frozen=True)
+class Budget:
+    """When to stop; None is without limit."""
+
+    generations: int | None
+    seconds: float | None
+    candidates: int | None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that a search needs to know, in its own terms."""
+
+    seed: int
+    islands: int
+    breeding: Breeding
+    migrate_every: int
+    migrants: int
+    recipe: Recipe
+    bounds: tuple[tuple[str, float, float], ...]
+    settings: FitSettings
+    baselines: tuple[str, ...]
+    budget: Budget
+
+    def job(self, *expressions: str) -> FitJob:
+        """The fit of candidates: every parameter has the search's bounds."""
+        return FitJob(expressions, self.bounds, self.settings)
+
+    def baseline_job(self, name: str) -> FitJob:
+        """The fit of a catalogue formula within its own bounds."""
+        published = formula(name)
+        bounds = tuple((symbol, low, high) for symbol, (low, high) in published.bounds.items())
+        return FitJob((to_text(published.expression),), bounds, self.settings)
+
+
+def plan(configuration: Configuration) -> Plan:
+    """The plan of a configuration."""
+    search, fit, budget = configuration.search, configuration.fit, configuration.budget
+    mutation = Mutation(
+        codebank=codebank(configuration.codebank_expressions(), search.parameters),
+        max_nodes=search.max_nodes,
+        parameters=search.parameters,
+        frequencies=(search.edits.swap, search.edits.insert, search.edits.replace, search.edits.delete),
+    )
+    low, high = search.bounds
+    return Plan(
+        seed=configuration.seed,
+        islands=search.islands,
+        breeding=Breeding(
+            starts=tuple(to_text(expression) for expression in configuration.start_expressions()),
+            size=search.island_size,
+            tournament=search.tournament,
+            mutation=mutation,
+        ),
+        migrate_every=search.migrate_every,
+        migrants=search.migrants,
+        recipe=Recipe(build_problem, problem_recipe(configuration)),
+        bounds=tuple((f"p{i}", low, high) for i in range(search.parameters)),
+        settings=FitSettings(fit.starts, fit.restarts, fit.rounds, fit.evaluations, fit.tolerance),
+        baselines=configuration.baselines,
+        budget=Budget(
+            budget.generations, None if budget.minutes is None else 60.0 * budget.minutes, budget.candidates
+        ),
+    )
+
+
+def problem_recipe(configuration: Configuration) -> ProblemRecipe:
+    """What every process builds the fit problem from."""
+    scene = configuration.scene
+    return ProblemRecipe(
+        materials=tuple(configuration.materials),
+        scene=Scene(scene.light, scene.rotation, scene.resolution, scene.light_rows),
+        metric=configuration.metric,
+        sample_cells=configuration.fit.cells,
+        fine_cells=configuration.fit.confirm_cells,
+        seed=cells_seed(configuration.seed),
+        folder=str(configuration.folder.resolve()),
+    )

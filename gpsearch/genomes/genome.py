@@ -1,0 +1,55 @@
+"""Genomes: a starting expression and the edits that are applied to it in order."""
+
+import hashlib
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from fitters.expressions import Expression
+from gpsearch.genomes.edits import Delete, Draft, Edit, Insert, Replace, Swap, parsed
+
+_NAMES: dict[str, type[Edit]] = {"swap": Swap, "insert": Insert, "replace": Replace, "delete": Delete}
+
+
+@dataclass(frozen=True, slots=True)
+class Genome:
+    """`start` is an expression in text form. Every genome of a generation has the same number of edits."""
+
+    start: str
+    edits: tuple[Edit, ...] = ()
+
+    def with_edit(self, edit: Edit) -> "Genome":
+        return Genome(self.start, (*self.edits, edit))
+
+    def to_json(self) -> list[dict[str, Any]]:
+        """The edits as plain objects, `{"edit": "swap", ...}`; a node's label is its address."""
+        return [{"edit": type(edit).__name__.lower(), **asdict(edit)} for edit in self.edits]
+
+    @classmethod
+    def from_json(cls, start: str, edits: list[dict[str, Any]]) -> "Genome":
+        return cls(start, tuple(_NAMES[e["edit"]](**{k: v for k, v in e.items() if k != "edit"}) for e in edits))
+
+
+def draft(genome: Genome) -> Draft:
+    """The genome's expression as a draft, all its edits applied."""
+    label = hashlib.sha256(genome.start.encode()).hexdigest()[:8]
+    result = Draft.of(parsed(genome.start), label)
+    for edit in genome.edits:
+        result.apply(edit)
+    return result
+
+
+def reify(genome: Genome) -> Expression:
+    """The expression that a genome stands for."""
+    return draft(genome).expression()
+
+
+def crossover(first: Genome, second: Genome, cut: int) -> tuple[Genome, Genome]:
+    """One-point crossover (Holland 1992): the two genomes change what comes after their first `cut` edits.
+
+    Cutting both at the same place keeps every edit at the position, that is the generation, where it arose, so
+    that no genome ever holds an edit twice.
+    """
+    return (
+        Genome(first.start, first.edits[:cut] + second.edits[cut:]),
+        Genome(second.start, second.edits[:cut] + first.edits[cut:]),
+    )

@@ -1,0 +1,87 @@
+"""Random edits: drawn so that they do something to the expression at hand and keep it within its limits."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fitters.expressions import grammar
+from gpsearch.genomes.edits import Delete, Draft, Edit, Insert, Replace, Swap, parsed, sort
+
+_TRIES = 50
+
+
+@dataclass(frozen=True)
+class Mutation:
+    """What random edits may do.
+
+    codebank:    subexpressions in text form, not empty
+    max_nodes:   the largest expression
+    parameters:  how many parameters there are
+    frequencies: relative, of swap, insert, replace and delete
+    """
+
+    codebank: tuple[str, ...]
+    max_nodes: int
+    parameters: int
+    frequencies: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+
+    @property
+    def symbols(self) -> dict[str, tuple[str, ...]]:
+        """The symbols that Replace draws from, by sort."""
+        scalars = tuple(f"p{i}" for i in range(self.parameters)) + grammar.CONSTANTS + grammar.COMPONENTS
+        return {
+            "unary": grammar.UNARY,
+            "binary": grammar.BINARY,
+            "vector": grammar.VECTORS,
+            "scalar": scalars,
+        }
+
+
+def random_edit(draft: Draft, mutation: Mutation, rng: np.random.Generator) -> Edit:
+    """An edit that changes the draft, of a random kind at random nodes. The draft itself is left as it was.
+
+    Where fifty draws find none that fits, a constant takes the root's place: it always does.
+    """
+    label = rng.bytes(6).hex()
+    weights = np.array(mutation.frequencies) / sum(mutation.frequencies)
+    makers = (_swap, _insert, _replace, _delete)
+    for _ in range(_TRIES):
+        edit = makers[int(rng.choice(4, p=weights))](draft, mutation, rng, label)
+        if edit is not None:
+            return edit
+    return Delete(draft.root, label)
+
+
+def _pick(choices: list[str] | tuple[str, ...], rng: np.random.Generator) -> str:
+    return choices[int(rng.integers(len(choices)))]
+
+
+def _numbers(draft: Draft) -> list[str]:
+    return [label for label in draft.symbols if draft.is_number(label)]
+
+
+def _swap(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:
+    numbers = _numbers(draft)
+    first, second = _pick(numbers, rng), _pick(numbers, rng)
+    if draft.inside(first, second) or draft.inside(second, first):
+        return None
+    return None if draft.expression(first) == draft.expression(second) else Swap(first, second)
+
+
+def _insert(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:
+    at, text = _pick(_numbers(draft), rng), _pick(mutation.codebank, rng)
+    new, old = parsed(text), draft.expression(at)
+    too_large = len(draft.symbols) - old.nodes + new.nodes > mutation.max_nodes
+    return None if too_large or new == old else Insert(at, text, label)
+
+
+def _replace(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:
+    at = _pick(list(draft.symbols), rng)
+    similar = mutation.symbols.get(sort(draft.symbols[at]), ())
+    others = [symbol for symbol in similar if symbol != draft.symbols[at]]
+    return Replace(at, _pick(others, rng)) if others else None
+
+
+def _delete(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:
+    at = _pick(_numbers(draft), rng)
+    return None if at == draft.root or draft.symbols[at] == "1" else Delete(at, label)

@@ -1,0 +1,55 @@
+"""Worker processes of this machine, which live as long as the run that started them."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import Any
+
+from dask.system import CPU_COUNT
+from distributed import Client, LocalCluster, Nanny, Worker
+
+from workers.errors import WorkersError
+from workers.terminal import interrupts_kept_from_children, silence_logs, silenced_logs
+
+ONE_THREAD = {
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+}
+
+
+class QuietWorker(Worker):
+    """A worker that leaves the terminal to the process that started it."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        silence_logs()
+        super().__init__(*arguments, **options)
+
+
+class QuietNanny(Nanny):
+    """Keeps a `QuietWorker` alive in a process of its own."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, worker_class=QuietWorker, env=ONE_THREAD, **options)
+
+
+def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) -> Client:
+    """A client of `workers` fresh processes of this machine (None: one per core); `stack` closes both.
+
+    Each process has one thread and an equal share of the memory, and is restarted when it dies.
+    """
+    count = CPU_COUNT if workers is None else workers
+    if count < 1:
+        raise WorkersError(f"workers: {count} processes cannot do any work: ask for at least 1")
+    stack.enter_context(silenced_logs())
+    try:
+        with interrupts_kept_from_children():
+            cluster = stack.enter_context(
+                LocalCluster(
+                    n_workers=count, threads_per_worker=1, worker_class=QuietNanny, dashboard_address=None
+                )
+            )
+            return stack.enter_context(Client(cluster, timeout=wait_seconds, set_as_default=False))
+    except (OSError, RuntimeError) as error:
+        raise WorkersError(f"{count} worker processes could not be started here: {error}") from error
