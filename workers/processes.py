@@ -17,6 +17,8 @@ ONE_THREAD = {
     "MKL_NUM_THREADS": "1",
     "NUMBA_NUM_THREADS": "1",
 }
+GRACE_SECONDS = 1.0
+"""How long a process may take to end by itself before it is killed."""
 
 
 class QuietWorker(Worker):
@@ -31,7 +33,11 @@ class QuietNanny(Nanny):
     """Keeps a `QuietWorker` alive in a process of its own."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, worker_class=QuietWorker, env=ONE_THREAD, **options)
+        super().__init__(*arguments, **{"worker_class": QuietWorker, "env": ONE_THREAD, **options})
+
+    async def kill(self, timeout: float = GRACE_SECONDS, reason: str = "nanny-kill") -> None:
+        """Ends the process, even amid a task: a task is a pure function, so nothing is lost with it."""
+        await super().kill(timeout=min(timeout, GRACE_SECONDS), reason=reason)
 
 
 def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) -> Client:

@@ -2,19 +2,26 @@
 
 from functools import reduce
 
+import numpy as np
 import sympy
 
 from fitters.expressions import grammar
 from fitters.expressions.evaluation import dot_feature
 from fitters.expressions.expression import Expression
 
+_EXACT_BITS = 1024
+"""Powers of numbers with more digits are held as floating-point numbers."""
+
+
 def _power(base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
-    # SymPy writes whole powers of numbers out: 4^(4^16) would fill the memory.
-    huge = base.is_Number and exponent.is_Number and abs(exponent) > _LARGEST_POWER
-    return sympy.Pow(base, exponent, evaluate=not huge)
+    # SymPy writes whole powers out, in (2 p0)^n too: 4^(4^16) would fill the memory.
+    if not (exponent.is_Number and exponent.is_finite and abs(exponent) > 1):
+        return sympy.Pow(base, exponent)
+    if base.is_Rational and abs(exponent) * max(base.p.bit_length(), base.q.bit_length()) > _EXACT_BITS:
+        with np.errstate(all="ignore"):
+            return sympy.Float(float(np.float64(float(base)) ** np.float64(float(exponent))))
+    return sympy.Pow(base, exponent if abs(exponent) <= _EXACT_BITS else sympy.Float(exponent))
 
-
-_LARGEST_POWER = 64
 
 _FUNCTIONS = {
     "neg": lambda a: -a,

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import formula
 from fitters.fits import FitJob, FitSettings, ProblemRecipe, build_problem
-from fitters.scenes import Scene
 from gpsearch.configuration import Configuration
 from gpsearch.evolution.island import Breeding
 from gpsearch.evolution.seeds import cells_seed
@@ -71,7 +70,7 @@ def plan(configuration: Configuration) -> Plan:
         migrants=search.migrants,
         recipe=Recipe(build_problem, problem_recipe(configuration)),
         bounds=tuple((f"p{i}", low, high) for i in range(search.parameters)),
-        settings=FitSettings(fit.starts, fit.restarts, fit.rounds, fit.evaluations, fit.tolerance),
+        settings=fit.settings,
         baselines=configuration.baselines,
         budget=Budget(
             budget.generations, None if budget.minutes is None else 60.0 * budget.minutes, budget.candidates
@@ -81,10 +80,9 @@ def plan(configuration: Configuration) -> Plan:
 
 def problem_recipe(configuration: Configuration) -> ProblemRecipe:
     """What every process builds the fit problem from."""
-    scene = configuration.scene
     return ProblemRecipe(
-        materials=tuple(configuration.materials),
-        scene=Scene(scene.light, scene.rotation, scene.resolution, scene.light_rows),
+        materials=configuration.materials,
+        scene=configuration.scene.recipe,
         metric=configuration.metric,
         sample_cells=configuration.fit.cells,
         fine_cells=configuration.fit.confirm_cells,

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from fitters.expressions import parse
 from fitters.fits import Confirmed, DescriptionJob, confirm, describe, screen
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
 from gpsearch.evolution.plan import Plan
@@ -54,7 +55,8 @@ class Search:
         self.front = store.front()
         self.errors = store.errors()
         self.seen = store.seen()
-        self.candidates, self.fitted, self.seconds_before = store.totals()[1:]
+        _, self.candidates, self.fitted = store.totals()
+        self.seconds_before = store.seconds
         self.started = time.monotonic()
         self.seconds_per_candidate = 0.1
 
@@ -138,8 +140,6 @@ class Search:
         """Size by expression of the starts, which the first generation judges as they are."""
         if self.generation > 0:
             return {}
-        from fitters.expressions import parse
-
         return {start: parse(start).nodes for start in self.plan.breeding.starts}
 
     def _screen(self, texts: Sequence[str]) -> int | None:
@@ -162,6 +162,7 @@ class Search:
             if done < len(texts):
                 with self.store.transaction():
                     self.store.save_errors(found, None)
+                    self.store.save_seconds(self.seconds)
         if done:
             self.seconds_per_candidate = (time.monotonic() - began) * self.executor.processes / done
         return done
@@ -205,6 +206,7 @@ class Search:
             self.store.save_errors({text: self.errors[text] for text in new}, self.generation)
             self.store.save_islands(self.islands)
             self.store.save_front(self.front)
+            self.store.save_seconds(self.seconds)
             self.store.save_generation(self.generation, candidates, fitted, best, seconds)
         self.watcher.generation(
             Standing(self.generation, self.candidates, self.fitted, self.seconds, best, self.front)

@@ -180,12 +180,19 @@ class Store:
         row = (generation, candidates, fitted, best, seconds)
         self._connection.execute("INSERT OR REPLACE INTO generations VALUES (?, ?, ?, ?, ?)", row)
 
-    def totals(self) -> tuple[int, int, int, float]:
-        """Generations, candidates, candidates fitted (the rest were known), and seconds so far."""
-        row = self._connection.execute(
-            "SELECT COUNT(*), TOTAL(candidates), TOTAL(fitted), TOTAL(seconds) FROM generations"
-        ).fetchone()
-        return int(row[0]), int(row[1]), int(row[2]), float(row[3])
+    def totals(self) -> tuple[int, int, int]:
+        """Generations, candidates, and candidates fitted (the rest were known) so far."""
+        row = self._connection.execute("SELECT COUNT(*), TOTAL(candidates), TOTAL(fitted) FROM generations")
+        generations, candidates, fitted = row.fetchone()
+        return int(generations), int(candidates), int(fitted)
+
+    @property
+    def seconds(self) -> float:
+        """How long the run has gone on, its sessions added up."""
+        return float(self.meta("seconds") or 0.0)
+
+    def save_seconds(self, seconds: float) -> None:
+        self.set_meta("seconds", str(seconds))
 
     def log(self, kind: str, detail: str) -> None:
         self._connection.execute("INSERT INTO events VALUES (?, ?, ?)", (time.time(), kind, detail))

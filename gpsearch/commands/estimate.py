@@ -1,0 +1,56 @@
+"""What `gpsearch launch --check` prints: the plan, and what it would cost, measured on a few fits."""
+
+import os
+import time
+
+from rich.console import Console
+
+from fitters.fits import build_problem, screen
+from gpsearch.commands.progress import duration
+from gpsearch.configuration import Configuration, DaskExecutor
+from gpsearch.evolution.island import Island, advance
+from gpsearch.evolution.plan import Plan
+
+PROBES = 24
+"""Founders that are fitted to measure the rate."""
+
+
+def estimate(configuration: Configuration, planned: Plan, console: Console) -> None:
+    """Loads everything, fits a few founders, and prints the plan with the time it would take."""
+    problem = build_problem(planned.recipe.argument)
+    founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
+    # The first fit compiles or loads the engine.
+    screen(problem, planned.job(founders[0].expression))
+    began = time.perf_counter()
+    screen(problem, planned.job(*(founder.expression for founder in founders)))
+    rate = len(founders) / (time.perf_counter() - began)
+    processes, where = _processes(configuration)
+    search, budget = configuration.search, planned.budget
+    per_generation = search.islands * search.island_size
+    generation_seconds = per_generation / (rate * processes)
+    limits = [duration(budget.seconds)] if budget.seconds is not None else []
+    if budget.generations is not None:
+        limits.append(f"{budget.generations} generations ({duration(generation_seconds * budget.generations)})")
+    if budget.candidates is not None:
+        limits.append(f"{budget.candidates:,} candidates ({duration(budget.candidates / (rate * processes))})")
+    console.print(
+        f"{configuration.name}: the configuration is valid\n"
+        f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
+        f"  scene       {configuration.scene.light}: {len(problem.full):,} lit cells, {len(problem.sample):,} sampled\n"
+        f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a generation,"
+        f" codebank of {len(planned.breeding.mutation.codebank)}\n"
+        f"  executor    {where}\n"
+        f"  rate        {rate:.0f} candidates/s and process, {duration(generation_seconds)} a generation\n"
+        f"  ends after  {', or '.join(limits)}, whatever comes first",
+        highlight=False,
+    )
+
+
+def _processes(configuration: Configuration) -> tuple[int, str]:
+    executor = configuration.executor
+    if not isinstance(executor, DaskExecutor):
+        return 1, "this process"
+    if executor.scheduler is not None:
+        return 1, f"{executor.scheduler} (the times are for one worker process)"
+    processes = executor.workers or os.cpu_count() or 1
+    return processes, f"{processes} worker processes on this machine"

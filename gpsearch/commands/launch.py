@@ -1,0 +1,121 @@
+"""`gpsearch launch CONFIG`: runs a search, or goes on with one."""
+
+import sys
+from pathlib import Path
+
+import click
+from rich.console import Console
+
+from gpsearch.commands.estimate import estimate
+from gpsearch.commands.progress import ProgressWatcher, duration
+from gpsearch.commands.runs import write_text
+from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
+from gpsearch.errors import GpsearchError
+from gpsearch.evolution.plan import Plan, plan
+from gpsearch.evolution.search import Search
+from gpsearch.exports import front_json
+from gpsearch.exports.front_json import to_text
+from gpsearch.front import Store
+from gpsearch.front.store import FILE
+from gpsearch.reports import plot_front
+from workers import DaskSettings, LocalSettings, Settings, open_executor
+
+SUMMARY_ROWS = 12
+"""Members of the front that are listed at the end; the export has all."""
+
+
+@click.command()
+@click.argument("config", type=click.Path(path_type=Path))
+@click.option("--run", "folder", type=click.Path(path_type=Path), help="Run directory, default runs/NAME.")
+@click.option("--check", is_flag=True, help="Validate the configuration, print the plan and its cost, run nothing.")
+def launch(config: Path, folder: Path | None, check: bool) -> None:
+    """Runs the search of CONFIG, or goes on with it where its run directory is there.
+
+    Leaves front.json and front.png in the run directory. Ctrl-C stops at any time; the same command goes on.
+    """
+    console = Console(stderr=True, soft_wrap=True)
+    configuration = load_configuration(config)
+    folder = folder or Path("runs") / configuration.name
+    planned = plan(configuration)
+    if check:
+        estimate(configuration, planned, console)
+        return
+    store = _store(folder, configuration)
+    try:
+        _search(planned, store, configuration, console)
+    except KeyboardInterrupt:
+        console.print(f"stopped after generation {store.totals()[0]}; nothing is lost. To go on:")
+        console.print(f"  gpsearch launch {config} --run {folder}", highlight=False)
+        sys.exit(130)
+    finally:
+        store.close()
+
+
+def _store(folder: Path, configuration: Configuration) -> Store:
+    """The run's store, new or as it was left. Raises `GpsearchError` where the configuration is another one."""
+    if not (folder / FILE).exists():
+        store = Store.create(folder, configuration.text())
+    else:
+        store = Store.open(folder)
+        before = parse_configuration(
+            store.configuration, source=str(store.path), folder=configuration.folder, check_files=False
+        )
+        conflicts = configuration.conflicts(before)
+        if conflicts:
+            store.close()
+            changed = "\n".join(f"  {conflict}" for conflict in conflicts)
+            raise GpsearchError(
+                f"{folder} holds a run with another configuration:\n{changed}\n"
+                "Undo these, or name another directory with --run. Only budgets may grow."
+            )
+    with store.transaction():
+        store.set_meta("configuration", configuration.text())
+        store.set_meta("folder", str(configuration.folder.resolve()))
+    return store
+
+
+def _search(planned: Plan, store: Store, configuration: Configuration, console: Console) -> None:
+    with (
+        open_executor(executor_settings(configuration)) as executor,
+        ProgressWatcher(console, planned.budget) as watcher,
+    ):
+        before = store.totals()[0]
+        verb = f"goes on after generation {before}" if before else "starts"
+        console.print(f"{configuration.name} {verb} on {executor.description}", highlight=False)
+        with store.transaction():
+            store.log("launch", executor.description)
+        reason = Search(planned, store, executor, watcher).run()
+        with store.transaction():
+            store.log("end", reason)
+    _report(store, configuration, console, reason)
+
+
+def _report(store: Store, configuration: Configuration, console: Console, reason: str) -> None:
+    """Writes front.json and front.png and lists the front beside the baselines."""
+    exported = front_json(store, configuration)
+    folder = store.path.parent
+    write_text(folder / "front.json", to_text(exported))
+    plot_front(exported, folder / "front.png")
+    run = exported["run"]
+    console.print(
+        f"done ({reason}): {run['generations']} generations, {run['candidates']:,} candidates,"
+        f" {duration(run['seconds'])}",
+        highlight=False,
+    )
+    front = exported["front"]
+    rows = [(m["nodes"], m["error"], m["expression"]) for m in front[-SUMMARY_ROWS:]]
+    rows += [(b["nodes"], b["error"], f"[{b['name']}, refitted]") for b in exported["baselines"]]
+    click.echo("nodes    error  formula")
+    for nodes, error, text in sorted(rows):
+        click.echo(f"{nodes:5d}  {error:7.4f}  {text if len(text) <= 90 else text[:87] + '...'}")
+    if len(front) > SUMMARY_ROWS:
+        click.echo(f"({len(front) - SUMMARY_ROWS} smaller ones are in the export)")
+    click.echo(f"front: {folder / 'front.json'}   picture: {folder / 'front.png'}")
+
+
+def executor_settings(configuration: Configuration) -> Settings:
+    """What `workers` takes, of a configuration."""
+    executor = configuration.executor
+    if isinstance(executor, DaskExecutor):
+        return DaskSettings(executor.scheduler, executor.workers, executor.wait_seconds)
+    return LocalSettings()

@@ -1,0 +1,51 @@
+"""The command group, and how every command ends: exit status 0, 1 failed, 2 bad input, 130 interrupted."""
+
+import sys
+
+import click
+
+from fitters.errors import FittersError
+from gpsearch import __version__
+from gpsearch.commands.export import export
+from gpsearch.commands.fit import fit
+from gpsearch.commands.launch import launch
+from gpsearch.commands.materials import materials
+from gpsearch.commands.status import status
+from gpsearch.errors import GpsearchError
+from workers import WorkersError
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="gpsearch")
+def commands() -> None:
+    """Finds the smallest, fastest analytic BRDF that reproduces measured materials in a scene."""
+
+
+for command in (launch, status, export, fit, materials):
+    commands.add_command(command)
+
+
+def main() -> None:
+    """The console command `gpsearch`: errors of the packages become one message and an exit status."""
+    try:
+        commands(standalone_mode=False)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(2)
+    except (GpsearchError, FittersError) as error:
+        _complain(error)
+        sys.exit(2)
+    except WorkersError as error:
+        _complain(error)
+        sys.exit(1)
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        # Whoever read our output has left, as `head` does.
+        sys.stderr.close()
+        sys.exit(1)
+
+
+def _complain(error: Exception) -> None:
+    click.echo(f"gpsearch: {error}", err=True)

@@ -1,0 +1,87 @@
+"""Progress at the terminal: a live line with rich, plain lines where the output is no terminal."""
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from gpsearch.evolution.plan import Budget
+from gpsearch.evolution.search import Standing
+
+PLAIN_SECONDS = 10.0
+"""Without a terminal a line is written at most so often; the last generation always has one."""
+
+
+class ProgressWatcher:
+    """Shows how a search goes on; a context manager. A `Watcher` of `gpsearch.evolution.search`."""
+
+    def __init__(self, console: Console, budget: Budget) -> None:
+        self.console, self.budget = console, budget
+        self.live = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        )
+        self.task = self.live.add_task("starting", total=None)
+        self.began = time.monotonic()
+        self.first: Standing | None = None
+        self.printed = -PLAIN_SECONDS
+
+    def __enter__(self) -> "ProgressWatcher":
+        self.live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.live.stop()
+
+    def stage(self, name: str, total: int) -> None:
+        self.live.reset(self.task, description=name, total=total)
+
+    def step(self, count: int) -> None:
+        self.live.advance(self.task, count)
+
+    def generation(self, standing: Standing) -> None:
+        now = time.monotonic() - self.began
+        last = standing.generation == self.budget.generations
+        if self.console.is_terminal or last or now - self.printed >= PLAIN_SECONDS:
+            self.printed = now
+            self.console.print(self._line(standing), highlight=False)
+        self.first = self.first or standing
+
+    def _line(self, standing: Standing) -> str:
+        members = standing.front.members
+        total = f"/{self.budget.generations}" if self.budget.generations is not None else ""
+        rate = standing.candidates / max(standing.seconds, 1e-9)
+        best = f"{members[-1].error:.4f} at {members[-1].nodes} nodes" if members else "none yet"
+        left = self._seconds_left(standing)
+        return (
+            f"generation {standing.generation}{total}  {rate:.0f} candidates/s  best {best}"
+            f"  front {len(members)}" + (f"  {duration(left)} left" if left is not None else "")
+        )
+
+    def _seconds_left(self, standing: Standing) -> float | None:
+        """By the budget that runs out first at the pace so far."""
+        left = []
+        pace = standing.seconds / standing.generation
+        if self.budget.generations is not None:
+            left.append(pace * (self.budget.generations - standing.generation))
+        if self.budget.candidates is not None:
+            left.append(standing.seconds * (self.budget.candidates / max(standing.candidates, 1) - 1))
+        if self.budget.seconds is not None:
+            left.append(self.budget.seconds - standing.seconds)
+        return max(min(left), 0.0) if left else None
+
+
+def duration(seconds: float) -> str:
+    """`45 s`, `12 min`, `3.5 h`."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -1,0 +1,34 @@
+"""What the commands share: opening runs and configurations, and writing what they report."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from gpsearch.configuration import Configuration, parse_configuration
+from gpsearch.front import Store
+
+run_argument = click.argument("run", type=click.Path(path_type=Path))
+json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output.")
+
+
+def open_run(folder: Path) -> tuple[Store, Configuration]:
+    """The store of a run directory and the configuration it was made with. Raises `GpsearchError`."""
+    store = Store.open(folder)
+    base = Path(store.meta("folder") or folder)
+    return store, parse_configuration(
+        store.configuration, source=str(store.path), folder=base, check_files=False
+    )
+
+
+def print_json(report: dict[str, Any]) -> None:
+    click.echo(json.dumps(report, indent=2, allow_nan=False))
+
+
+def write_text(path: Path, text: str) -> None:
+    """Writes a file; what cannot be written is a usage error, not a traceback."""
+    try:
+        path.write_text(text)
+    except OSError as error:
+        raise click.ClickException(f"{path}: cannot be written ({error.strerror}); choose another -o") from None

@@ -1,0 +1,142 @@
+"""What a configuration refers to: measured materials, lights, catalogue names and expressions."""
+
+import os
+import stat
+from collections.abc import Collection
+from pathlib import Path
+
+from pydantic import ValidationInfo
+
+from fitters.errors import FittersError
+from fitters.expressions import Expression, parse, to_text
+from fitters.expressions.catalogue import CATALOGUE
+from fitters.materials import builtin_names
+from fitters.materials.loading import READERS
+from fitters.scenes.lights import BUILT_IN
+from gpsearch.configuration.fields import Surroundings, refuse_at
+from gpsearch.configuration.wording import listed, nearest, plain, shown
+
+BUILTIN = "builtin:"
+LIGHT_SUFFIXES = (".hdr", ".exr")
+ALL = "all"
+"""The codebank entry that stands for the whole catalogue."""
+MAX_NODES = 1000
+"""The size of the largest expression that a configuration may hold or a search may reach."""
+
+
+def check_material(reference: str, info: ValidationInfo) -> str:
+    """Validates a material's reference: a built-in name, or a file of a known kind that is there."""
+    if reference.startswith(BUILTIN):
+        known = [BUILTIN + name for name in builtin_names()]
+        if reference not in known:
+            near = nearest(reference, known)
+            hint = f"did you mean {near}? " if near else ""
+            raise ValueError(f"no built-in material {shown(reference)}; {hint}allowed: {listed(known)}")
+        return reference
+    return _file(reference, READERS, info, "write builtin:NAME for a built-in one")
+
+
+def check_no_material_twice(references: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    """Validates the list of materials: the same file under two names is the same material."""
+    folder = _surroundings(info).folder
+    first: dict[str, int] = {}
+    for index, reference in enumerate(references):
+        builtin = reference.startswith(BUILTIN)
+        identity = reference if builtin else os.path.realpath(resolve_path(reference, folder))
+        if identity in first:
+            text = f"{shown(reference)} is materials[{first[identity]}] again; name each material once"
+            raise refuse_at(index, reference, text)
+        first[identity] = index
+    return references
+
+
+def check_light(reference: str, info: ValidationInfo) -> str:
+    """Validates a light: a built-in name, or a latitude-longitude map that is there."""
+    if reference in BUILT_IN:
+        return reference
+    near = nearest(reference, BUILT_IN)
+    hint = f"did you mean {near}?" if near else f"built-in lights are {listed(BUILT_IN)}"
+    return _file(reference, LIGHT_SUFFIXES, info, hint)
+
+
+def resolve_path(reference: str, folder: Path) -> Path:
+    """The path of a file's reference, which counts from `folder` where it is relative."""
+    return Path(os.path.normpath(folder / os.path.expanduser(reference)))
+
+
+def _file(reference: str, suffixes: Collection[str], info: ValidationInfo, hint: str) -> str:
+    if not reference or "\0" in reference:
+        raise ValueError(f"{shown(reference)} is no path; name a file {listed(suffixes)}")
+    surroundings = _surroundings(info)
+    path = resolve_path(reference, surroundings.folder)
+    if surroundings.check_files:
+        _check_there(path, suffixes, hint)
+    if path.suffix.lower() not in suffixes:
+        raise ValueError(f"{shown(reference)} does not end in {' or '.join(suffixes)}; {hint}")
+    return reference
+
+
+def _check_there(path: Path, suffixes: Collection[str], hint: str) -> None:
+    try:
+        mode = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        raise ValueError(f"no file {plain(str(path))}; {_beside(path, suffixes) or hint}") from None
+    except OSError as error:
+        raise ValueError(f"{plain(str(path))} cannot be read ({error.strerror}); check the path") from None
+    if not stat.S_ISREG(mode):
+        kind = "a folder" if stat.S_ISDIR(mode) else "not a regular file"
+        raise ValueError(f"{plain(str(path))} is {kind}; name a file {listed(suffixes)}")
+
+
+def _beside(path: Path, suffixes: Collection[str]) -> str:
+    """The file in the same folder that was probably meant, or what is wrong with the folder."""
+    try:
+        names = sorted(name for name in os.listdir(path.parent) if Path(name).suffix.lower() in suffixes)
+    except OSError as error:
+        return f"its folder cannot be listed ({error.strerror}); check the path" if path.parts[1:] else ""
+    near = nearest(path.name, names)
+    return f"did you mean {plain(near)}?" if near else ""
+
+
+def _surroundings(info: ValidationInfo) -> Surroundings:
+    """Where a configuration is made by a program, paths count from the working folder and are not looked for."""
+    return info.context or Surroundings(Path.cwd(), check_files=False)
+
+
+def check_formula(entry: str, info: ValidationInfo) -> str:
+    """Validates a catalogue name or an expression within the search's limits; an expression in canonical form.
+
+    Limits that are themselves invalid, and so not in `info.data`, are not applied.
+    """
+    expression = resolve_formula(entry)
+    allowed = info.data.get("parameters", len(expression.parameters) and 100)
+    beyond = [name for name in expression.parameters if int(name[1:]) >= allowed]
+    if beyond:
+        raise ValueError(
+            f"{shown(entry)} uses {listed(beyond)}, but search.parameters is {allowed}: "
+            f"{'only p0' if allowed == 1 else f'p0 to p{allowed - 1}'} may occur"
+        )
+    largest = info.data.get("max_nodes", MAX_NODES) if info.field_name == "start" else MAX_NODES
+    if expression.nodes > largest:
+        limit = "search.max_nodes is" if info.field_name == "start" else "the most is"
+        raise ValueError(f"{shown(entry)} has {expression.nodes} nodes, but {limit} {largest}")
+    return entry if entry in CATALOGUE else to_text(expression)
+
+
+def check_codebank(entry: str, info: ValidationInfo) -> str:
+    return entry if entry == ALL else check_formula(entry, info)
+
+
+def resolve_formula(entry: str) -> Expression:
+    """The expression of a catalogue name or a text form. Raises `ValueError` with why it is neither."""
+    if entry in CATALOGUE:
+        return CATALOGUE[entry].expression
+    try:
+        return parse(entry)
+    except FittersError as error:
+        near = nearest(entry, [*CATALOGUE, ALL])
+        hint = f"did you mean {near}?" if near else f"there are {listed(CATALOGUE)}"
+        split = entry.count("(") != entry.count(")")
+        quote = "; an expression with a comma needs quotes in [...]" if split else ""
+        reason = f"no catalogue name ({hint}) and no expression ({error})"
+        raise ValueError(f"{shown(entry)} is {reason}{quote}") from None

@@ -1,0 +1,188 @@
+"""The sections of a configuration. Defaults are those of the genBRDF paper's section 4, where it gives any."""
+
+import re
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+
+from fitters.expressions import Expression
+from fitters.expressions.catalogue import CATALOGUE
+from fitters.fits import FitSettings
+from fitters.scenes import Scene
+from gpsearch.configuration.fields import Number, Section, Whole, number, section, whole
+from gpsearch.configuration.references import (
+    ALL,
+    MAX_NODES,
+    check_codebank,
+    check_formula,
+    check_light,
+    resolve_formula,
+)
+from gpsearch.configuration.wording import shown
+
+MAX_ENTRIES = 1000
+"""Of any list."""
+
+
+def _as_list(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+class SceneSection(Section):
+    """What `fitters.scenes.Scene` takes."""
+
+    light: Annotated[str, AfterValidator(check_light)] = Field(
+        Scene.light, description="studio, overcast, or the path of a .hdr or .exr file"
+    )
+    rotation: Number = number(Scene.rotation)
+    resolution: Whole = whole(Scene.resolution, 1, 1024)
+    light_rows: Whole = whole(Scene.light_rows, 2, 1024)
+
+    @property
+    def recipe(self) -> Scene:
+        """The scene; a relative path of its light counts from the configuration's folder."""
+        return Scene(self.light, self.rotation, self.resolution, self.light_rows)
+
+
+class LocalExecutor(Section):
+    """One process."""
+
+    kind: Literal["local"] = "local"
+
+
+class DaskExecutor(Section):
+    """A running scheduler, or without one a cluster on this machine that ends with the run.
+
+    workers:      processes to start on this machine, one per core by default
+    wait_seconds: for a scheduler and a first worker
+    """
+
+    kind: Literal["dask"] = "dask"
+    scheduler: str | None = Field(None, description="an address such as tcp://host:8786, or null")
+    workers: Whole | None = whole(None, 1, 100_000, nullable=True)
+    wait_seconds: Number = number(60.0, low=0)
+
+    @field_validator("scheduler")
+    @classmethod
+    def _address(cls, value: str | None) -> str | None:
+        address = re.compile(r"((tcp|tls|ucx|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:.%]+\]):[0-9]{1,5}/?", re.ASCII)
+        if value is not None and not address.fullmatch(value):
+            raise ValueError(f"found {shown(value)}; allowed: an address such as tcp://host:8786, or null")
+        return value
+
+
+class Budget(Section):
+    """When a run ends: at whichever limit comes first."""
+
+    generations: Whole | None = whole(100, 1, nullable=True)
+    minutes: Number | None = number(None, above=0, nullable=True)
+    candidates: Whole | None = whole(None, 1, nullable=True)
+
+    @model_validator(mode="after")
+    def _some_limit(self) -> Self:
+        if self.generations is self.minutes is self.candidates is None:
+            raise ValueError("every limit is null, the run would not end; give one of them a number")
+        return self
+
+
+class EditFrequencies(Section):
+    """Relative frequencies of the edits of the genBRDF paper's section 3.3."""
+
+    swap: Number = number(1.0, low=0)
+    insert: Number = number(1.0, low=0)
+    replace: Number = number(1.0, low=0)
+    delete: Number = number(1.0, low=0)
+
+    @model_validator(mode="after")
+    def _some_edit(self) -> Self:
+        if not any((self.swap, self.insert, self.replace, self.delete)):
+            raise ValueError("every frequency is 0, there would be no edits; give one more than 0")
+        return self
+
+
+class Search(Section):
+    """How formulas are bred. Limits come before what they are applied to.
+
+    parameters:    p0 to p{parameters - 1} may occur
+    bounds:        of every parameter
+    migrate_every: so many generations an island sends its best `migrants` to its neighbour
+    """
+
+    parameters: Whole = whole(4, 1, 8)
+    max_nodes: Whole = whole(120, 5, MAX_NODES)
+    bounds: tuple[Number, Number] = Field((1e-6, 1e5), description="two finite numbers [low, high]")
+    start: Annotated[tuple[Annotated[str, AfterValidator(check_formula)], ...], BeforeValidator(_as_list)] = Field(
+        ("cook-torrance",),
+        min_length=1,
+        max_length=MAX_ENTRIES,
+        description="at least one catalogue name or expression",
+    )
+    codebank: Annotated[tuple[Annotated[str, AfterValidator(check_codebank)], ...], BeforeValidator(_as_list)] = (
+        Field(
+            (ALL,),
+            min_length=1,
+            max_length=MAX_ENTRIES,
+            description="all, or at least one catalogue name or expression",
+        )
+    )
+    islands: Whole = whole(4, 1, 10_000)
+    island_size: Whole = whole(1024, 4, 1_000_000)
+    tournament: Whole = whole(8, 1, 1_000_000)
+    migrate_every: Whole = whole(5, 1)
+    migrants: Whole = whole(1, 0, 1_000_000)
+    edits: EditFrequencies = section(EditFrequencies)
+
+    @field_validator("bounds")
+    @classmethod
+    def _rising(cls, value: tuple[float, float]) -> tuple[float, float]:
+        if not value[0] < value[1]:
+            raise ValueError(f"found {shown(value)}; allowed: [low, high] with low < high")
+        return value
+
+    @field_validator("island_size")
+    @classmethod
+    def _even(cls, value: int) -> int:
+        if value % 2:
+            raise ValueError(f"found {value}; allowed: an even number, such as {value + 1}")
+        return value
+
+    @field_validator("migrants")
+    @classmethod
+    def _fewer_than_an_island(cls, value: int, info: Any) -> int:
+        if value >= (size := info.data.get("island_size", value + 1)):
+            raise ValueError(f"found {value}; allowed: fewer than search.island_size, which is {size}")
+        return value
+
+    def start_expressions(self) -> tuple[Expression, ...]:
+        return tuple(resolve_formula(entry) for entry in self.start)
+
+    def codebank_expressions(self) -> tuple[Expression, ...]:
+        """What the codebank is cut from; `all` means the catalogue's formulas within `parameters`."""
+        found: dict[Expression, None] = {}
+        for entry in self.codebank:
+            found |= dict.fromkeys(self._catalogue() if entry == ALL else [resolve_formula(entry)])
+        return tuple(found)
+
+    def _catalogue(self) -> list[Expression]:
+        formulas = (formula.expression for formula in CATALOGUE.values())
+        return [formula for formula in formulas if all(int(p[1:]) < self.parameters for p in formula.parameters)]
+
+
+class FitSection(Section):
+    """What `fitters.fits.FitSettings` takes, and over how many cells.
+
+    cells:         sampled, of the screening fit of every candidate
+    confirm_cells: sampled, of the fit of what may enter the front
+    """
+
+    cells: Whole = whole(2048, 64, 10_000_000)
+    confirm_cells: Whole = whole(16384, 64, 10_000_000)
+    starts: Whole = whole(FitSettings.starts, 1, 1_000_000)
+    restarts: Whole = whole(FitSettings.restarts, 1, 1_000_000)
+    rounds: Whole = whole(FitSettings.rounds, 0, 1_000_000)
+    evaluations: Whole = whole(FitSettings.evaluations, 1, 1_000_000)
+    tolerance: Number = number(FitSettings.tolerance, above=0)
+
+    @property
+    def settings(self) -> FitSettings:
+        return FitSettings(self.starts, self.restarts, self.rounds, self.evaluations, self.tolerance)

@@ -1,0 +1,131 @@
+"""front.json, version 1: the front and the baselines of a run. `front.schema.json` beside this is its JSON Schema."""
+
+import hashlib
+import json
+import math
+from importlib import resources
+from typing import Any
+
+from fitters import expressions
+from fitters.expressions.catalogue import formula
+from fitters.fits import Description
+from fitters.fits.problem import CHANNELS
+from gpsearch import __version__
+from gpsearch.configuration import Configuration
+from gpsearch.front import Member, Store
+
+SCHEMA = "gpsearch-front/1"
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema that every export fulfils."""
+    return json.loads(resources.files(__package__).joinpath("front.schema.json").read_text())
+
+
+def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
+    """The front of a run as plain objects, sorted by size, the error strictly falling.
+
+    Only members that are described count: `Search.describe_front` describes them all.
+    """
+    materials = configuration.material_names
+    generations, candidates, _ = store.totals()
+    described = store.descriptions()
+    members = [(m, described[m.expression]) for m in store.front().members if m.expression in described]
+    scene = configuration.scene
+    return {
+        "schema": SCHEMA,
+        "run": {
+            "name": configuration.name,
+            "seed": configuration.seed,
+            "version": __version__,
+            "config_sha256": configuration.sha256,
+            "materials": list(materials),
+            "scene": {
+                "light": scene.light,
+                "rotation": scene.rotation,
+                "resolution": scene.resolution,
+                "light_rows": scene.light_rows,
+            },
+            "metric": configuration.metric,
+            "generations": generations,
+            "candidates": candidates,
+            "seconds": round(store.seconds, 3),
+        },
+        "front": [_member_entry(m, d, materials) for m, d in _non_dominated(members)],
+        "baselines": [
+            _baseline_entry(name, description, seconds, materials)
+            for name, (description, seconds) in store.baselines().items()
+        ],
+    }
+
+
+def _non_dominated(members: list[tuple[Member, Description]]) -> list[tuple[Member, Description]]:
+    """Members by size with falling exact error: the last polish may have changed who beats whom."""
+    kept: list[tuple[Member, Description]] = []
+    for member, description in sorted(members, key=lambda m: (m[0].nodes, m[1].fit.error, m[0].expression)):
+        if description.fit.error < (kept[-1][1].fit.error if kept else math.inf):
+            kept.append((member, description))
+    return kept
+
+
+def _member_entry(member: Member, description: Description, materials: tuple[str, ...]) -> dict[str, Any]:
+    fit, checks = description.fit, description.checks
+    return {
+        "id": hashlib.sha256(member.expression.encode()).hexdigest()[:8],
+        "expression": member.expression,
+        "nodes": member.nodes,
+        "parameters": {
+            name: _by_material(fit.values[:, column].tolist(), materials) for column, name in enumerate(fit.names)
+        },
+        "error": fit.error,
+        "errors": _by_material(fit.errors.tolist(), materials),
+        "metrics": _finite(description.metrics),
+        "cost_ns": round(description.cost_ns, 3),
+        "start": member.genome.start,
+        "genome": member.genome.to_json(),
+        "origin": {"island": member.island, "generation": member.generation},
+        "checks": _finite(
+            {
+                "reciprocity": checks.reciprocity,
+                "minimum": checks.minimum,
+                "albedo_max": checks.albedo_max,
+            }
+        ),
+    }
+
+
+def _baseline_entry(
+    name: str, description: Description, seconds: float, materials: tuple[str, ...]
+) -> dict[str, Any]:
+    fit = description.fit
+    published = formula(name)
+    return {
+        "name": name,
+        "kind": "formula",
+        "expression": expressions.to_text(published.expression),
+        "nodes": published.expression.nodes,
+        "floats": len(fit.names) * len(CHANNELS),
+        "parameters": {
+            symbol: _by_material(fit.values[:, column].tolist(), materials) for column, symbol in enumerate(fit.names)
+        },
+        "error": fit.error,
+        "errors": _by_material(fit.errors.tolist(), materials),
+        "metrics": _finite(description.metrics),
+        "fit_seconds": round(seconds, 3),
+        "cost_ns": round(description.cost_ns, 3),
+    }
+
+
+def _by_material(values: list[float], materials: tuple[str, ...]) -> dict[str, list[float]]:
+    """Values of all targets as one list of channels per material."""
+    return {name: values[3 * i : 3 * i + 3] for i, name in enumerate(materials)}
+
+
+def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
+    """JSON has no infinity: what is not finite becomes null."""
+    return {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+
+
+def to_text(exported: dict[str, Any]) -> str:
+    """An export as the text of a file; the same export gives the same text."""
+    return json.dumps(exported, indent=1, allow_nan=False) + "\n"

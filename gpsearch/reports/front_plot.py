@@ -1,0 +1,54 @@
+"""The front as a plot of error against size."""
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+FRONT_COLOUR, BASELINE_COLOUR, TEXT_COLOUR = "#1f5fa8", "#c4572b", "#333333"
+
+
+def plot_front(exported: dict[str, Any], path: Path) -> None:
+    """Writes the plot of an exported front (see `gpsearch.exports`) as the image format that the suffix names."""
+    figure = Figure(figsize=(8, 5), dpi=150, layout="constrained")
+    axes = figure.add_subplot()
+    front, baselines = exported["front"], exported["baselines"]
+    sizes, errors = [m["nodes"] for m in front], [m["error"] for m in front]
+    if front:
+        last = max(sizes + [b["nodes"] for b in baselines if "nodes" in b])
+        axes.step([*sizes, last * 1.05], [*errors, errors[-1]], where="post", color=FRONT_COLOUR, lw=1, alpha=0.5)
+        axes.plot(sizes, errors, "o", color=FRONT_COLOUR, ms=5, label="found by the search")
+    drawn = [b for b in baselines if "nodes" in b]
+    axes.plot(
+        [b["nodes"] for b in drawn],
+        [b["error"] for b in drawn],
+        "D",
+        color=BASELINE_COLOUR,
+        ms=6,
+        label="published, refitted",
+    )
+    for baseline in drawn:
+        axes.annotate(
+            baseline["name"],
+            (baseline["nodes"], baseline["error"]),
+            xytext=(6, 4),
+            textcoords="offset points",
+            fontsize=8,
+            color=BASELINE_COLOUR,
+        )
+    run = exported["run"]
+    axes.set_yscale("log")
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.yaxis.set_minor_formatter("{x:g}")
+    axes.tick_params(which="both", labelsize=8, colors=TEXT_COLOUR)
+    axes.set_xlabel("size of the formula (nodes)")
+    axes.set_ylabel(f"error ({run['metric']} metric, relative)")
+    axes.set_title(
+        f"{run['name']}: {len(run['materials'])} materials, {run['candidates']:,} candidates"
+        f" in {run['seconds'] / 60:.1f} minutes",
+        fontsize=10,
+        color=TEXT_COLOUR,
+    )
+    axes.grid(True, which="major", lw=0.4, alpha=0.5)
+    axes.legend(frameon=False, fontsize=9)
+    figure.savefig(path)

@@ -1,0 +1,139 @@
+"""What a configuration holds once it is loaded."""
+
+from pathlib import Path
+
+import pytest
+from pydantic import ValidationError
+
+from fitters.expressions import parse, to_text
+from fitters.expressions.catalogue import CATALOGUE
+from fitters.fits import FitSettings
+from fitters.scenes import Scene
+from gpsearch.configuration import DaskExecutor, LocalExecutor, load_configuration, parse_configuration
+from gpsearch.errors import GpsearchError
+
+
+def test_materials_alone_are_enough_and_the_rest_is_as_in_the_paper(load):
+    configuration = load("materials: [builtin:metal, builtin:fabric]")
+    search, fit = configuration.search, configuration.fit
+    assert (configuration.name, configuration.seed, configuration.metric) == ("quick", 0, "light")
+    assert configuration.materials == ("builtin:metal", "builtin:fabric")
+    assert configuration.scene.recipe == Scene()
+    assert configuration.executor == LocalExecutor()
+    assert (configuration.budget.generations, search.islands, search.island_size) == (100, 4, 1024)
+    assert (search.migrate_every, search.migrants, search.parameters) == (5, 1, 4)
+    assert configuration.start_expressions() == (CATALOGUE["cook-torrance"].expression,)
+    assert configuration.codebank_expressions() == tuple(f.expression for f in CATALOGUE.values())
+    assert search.bounds == (1e-6, 1e5)
+    assert (fit.cells, fit.confirm_cells, fit.settings) == (2048, 16384, FitSettings())
+    assert configuration.baselines == ("cook-torrance", "ggx")
+
+
+def test_every_key_is_read(load, tmp_path):
+    (tmp_path / "a.bsdf").touch()
+    (tmp_path / "sky.exr").touch()
+    configuration = load(
+        """
+name: every-key_1.0
+seed: 7
+materials:
+  - a.bsdf
+scene: {light: sky.exr, rotation: 30, resolution: 32, light_rows: 24}
+metric: compressive
+executor: {kind: dask, scheduler: "tcp://host:8786", workers: 2, wait_seconds: 5}
+budget: {generations: null, minutes: 2.5, candidates: 1000}
+search:
+  start: [ggx, "p0*max(wi.z,p1)"]
+  codebank: [phong]
+  islands: 2
+  island_size: 16
+  tournament: 3
+  migrate_every: 2
+  migrants: 2
+  max_nodes: 80
+  parameters: 6
+  bounds: [-1, 1]
+  edits: {swap: 0, insert: 2, replace: 1.5, delete: 0}
+fit: {cells: 64, confirm_cells: 128, starts: 9, restarts: 1, rounds: 0, evaluations: 10, tolerance: 1e-3}
+baselines: []
+"""
+    )
+    assert configuration.scene.recipe == Scene("sky.exr", 30.0, 32, 24)
+    assert configuration.executor == DaskExecutor(
+        kind="dask", scheduler="tcp://host:8786", workers=2, wait_seconds=5
+    )
+    assert configuration.budget.model_dump() == {"generations": None, "minutes": 2.5, "candidates": 1000}
+    assert configuration.start_expressions()[1] == parse("p0 * max(wi.z, p1)")
+    assert configuration.codebank_expressions() == (CATALOGUE["phong"].expression,)
+    assert configuration.search.edits.replace == 1.5
+    assert configuration.fit.settings == FitSettings(9, 1, 0, 10, 1e-3)
+    assert configuration.baselines == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [("local", "local"), ("{kind: local}", "local"), ("dask", "dask"), ("{kind: dask}", "dask")],
+)
+def test_an_executor_may_be_its_kind_alone(load, text, kind):
+    assert load(f"executor: {text}") == load(f"executor: {kind}")
+    assert load(f"executor: {text}").executor.kind == kind
+
+
+def test_numbers_that_yaml_takes_for_texts_are_read(load):
+    configuration = load("search: {bounds: [1e-6, 1e+5]}\nbudget: {generations: 1e3}\nfit: {tolerance: 1e-4}")
+    assert configuration.search.bounds == (1e-6, 1e5)
+    assert configuration.budget.generations == 1000
+    assert configuration.fit.tolerance == 1e-4
+
+
+def test_one_string_is_a_list_of_one(load):
+    assert load("search: {start: ggx, codebank: ward}").search.start == ("ggx",)
+
+
+def test_all_of_the_codebank_may_be_joined_by_more(load):
+    expressions = load("search: {codebank: [all, ggx, 'p0 * wi.z']}").codebank_expressions()
+    assert [to_text(e) for e in expressions[-1:]] == ["p0 * wi.z"]
+    assert len(expressions) == len(CATALOGUE) + 1
+
+
+def test_all_of_the_codebank_keeps_within_the_parameters(load):
+    expressions = load("search: {parameters: 2, start: oren-nayar}").codebank_expressions()
+    assert CATALOGUE["lambert"].expression in expressions
+    assert CATALOGUE["ggx"].expression not in expressions
+
+
+def test_a_section_may_be_there_but_empty(load):
+    assert load("budget:\nsearch:\nfit:\nscene:\n") == load("seed: 0")
+
+
+def test_a_file_name_that_is_no_name_is_turned_into_one(load):
+    assert load("seed: 0", name="..my run (2).yaml").name == "my-run-2-"
+
+
+def test_paths_count_from_the_folder_of_the_file(tmp_path, monkeypatch):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "data" / "steel.binary").touch()
+    (tmp_path / "runs" / "a.yaml").write_text("materials: [../data/steel.binary]")
+    monkeypatch.chdir(tmp_path)
+    configuration = load_configuration(Path("runs/a.yaml"))
+    assert configuration.folder == tmp_path / "runs"
+    assert configuration.materials == ("../data/steel.binary",)
+
+
+def test_files_need_not_be_there_when_a_finished_run_is_read(tmp_path):
+    text = "materials: [gone.binary]\nscene: {light: gone.hdr}"
+    with pytest.raises(GpsearchError, match="no file"):
+        parse_configuration(text, source="run", folder=tmp_path)
+    parse_configuration(text, source="run", folder=tmp_path, check_files=False)
+
+
+def test_a_byte_order_mark_is_no_matter(load):
+    assert load(b"\xef\xbb\xbfmaterials: [builtin:metal]").name == "quick"
+
+
+def test_a_configuration_is_frozen_and_hashable(load):
+    configuration = load("seed: 1")
+    with pytest.raises(ValidationError):
+        configuration.seed = 2
+    assert hash(configuration) == hash(load("seed: 1"))
