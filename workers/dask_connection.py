@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import importlib.metadata
 import re
 from contextlib import ExitStack
 from time import monotonic
 
-from distributed import Client
+from distributed import Client, Security
+from distributed.comm import connect as open_comm
 
 from workers.errors import WorkersError
 from workers.terminal import silenced_logs
@@ -30,6 +32,7 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
     stack.enter_context(silenced_logs())
     deadline = monotonic() + wait_seconds
     try:
+        asyncio.run(asyncio.wait_for(_shake_hands(address, wait_seconds), wait_seconds))
         client = Client(address, timeout=wait_seconds, set_as_default=False, name=PACKAGE)
         stack.callback(client.close)
     except (OSError, ValueError) as error:
@@ -51,6 +54,12 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
             f"the Dask scheduler at {address} went away while we waited for workers: {error}"
         ) from error
     return client
+
+
+async def _shake_hands(address: str, wait_seconds: float) -> None:
+    """Returns once a Dask process answers: a client alone would wait for ever where another server listens."""
+    comm = await open_comm(address, timeout=wait_seconds, **Security().get_connection_args("client"))
+    comm.abort()
 
 
 def require_same_package(client: Client) -> None:

@@ -111,9 +111,7 @@ class _Scheduler:
     def program(self) -> Program:
         scalars, scalar_code = self._scalars()
         inputs = self._inputs()
-        filled = [
-            root for root in dict.fromkeys(self.roots) if self.graph.classes[root] in (CONSTANT, SCALAR)
-        ]
+        filled = [root for root in dict.fromkeys(self.roots) if self.graph.classes[root] in (CONSTANT, SCALAR)]
         written = [root for root in dict.fromkeys(self.roots) if self.graph.classes[root] == MIXED]
         for slot, node in enumerate([*inputs, *filled, *written]):
             self.slot[node] = slot
@@ -149,9 +147,7 @@ class _Scheduler:
                 initial[self.scalar_register[node]] = children[0]
             else:
                 registers = [self.scalar_register[child] for child in children]
-                code.append(
-                    (SCALAR_OPCODE[operator], self.scalar_register[node], registers[0], registers[-1])
-                )
+                code.append((SCALAR_OPCODE[operator], self.scalar_register[node], registers[0], registers[-1]))
         return initial, _rows(code)
 
     def _inputs(self) -> list[int]:

@@ -186,11 +186,7 @@ def _best_row(table, target, count, taken):
     """The finite row of `table[:count]` that is best for the target and not taken; -1 for none."""
     row = -1
     for i in range(count):
-        if (
-            not taken[i]
-            and np.isfinite(table[i, target])
-            and (row < 0 or table[i, target] < table[row, target])
-        ):
+        if not taken[i] and np.isfinite(table[i, target]) and (row < 0 or table[i, target] < table[row, target]):
             row = i
     return row
 

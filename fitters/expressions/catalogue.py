@@ -33,9 +33,7 @@ class Formula:
     def __post_init__(self) -> None:
         described = tuple(f"p{i}" for i in range(len(self.parameters)))
         if self.expression.parameters != described:
-            raise FittersError(
-                f"{self.name} uses {self.expression.parameters}, but {described} are described"
-            )
+            raise FittersError(f"{self.name} uses {self.expression.parameters}, but {described} are described")
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
@@ -143,9 +141,7 @@ _ENTRIES = [
     ),
 ]
 
-CATALOGUE = {
-    name: Formula(name, source, parse(text), parameters) for name, source, text, parameters in _ENTRIES
-}
+CATALOGUE = {name: Formula(name, source, parse(text), parameters) for name, source, text, parameters in _ENTRIES}
 
 
 def formula(name: str) -> Formula:

@@ -32,7 +32,7 @@ FEATURES = ("wi.z", "wo.z", "wh.z", "wi.wo", "wi.wh", "wo.wr", "wh.wr")
 
 
 def features(w_i: Array, w_o: Array) -> dict[str, Array]:
-    """The `FEATURES` (each of shape (...)) of unit directions w_i, w_o (..., 3); w_r mirrors w_i about the normal."""
+    """The `FEATURES` (each (...)) of unit directions w_i, w_o (..., 3); w_r mirrors w_i about the normal."""
     half = w_i + w_o
     half = half / np.linalg.norm(half, axis=-1, keepdims=True)
     mirror = w_i * np.array([-1.0, -1.0, 1.0])
@@ -70,9 +70,7 @@ def dot_feature(first: str, second: str) -> str:
     }[a, b]
 
 
-def evaluate(
-    expression: Expression, parameters: Mapping[str, Array | float], w_i: Array, w_o: Array
-) -> Array:
+def evaluate(expression: Expression, parameters: Mapping[str, Array | float], w_i: Array, w_o: Array) -> Array:
     """BRDF values (...) in sr^-1 at unit directions w_i, w_o (..., 3); not finite where the formula is not.
 
     `parameters` maps `p0`.. to numbers or arrays that broadcast.

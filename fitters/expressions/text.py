@@ -133,9 +133,7 @@ class _Parser:
         try:
             return Expression(symbol, children)
         except FittersError as error:
-            raise FittersError(
-                f"{error} (before character {self.position()} of {_excerpt(self.text)})"
-            ) from None
+            raise FittersError(f"{error} (before character {self.position()} of {_excerpt(self.text)})") from None
 
     def peek(self) -> str | None:
         return self.tokens[self.at][0] if self.at < len(self.tokens) else None

@@ -41,10 +41,20 @@ class FitSettings:
     """
 
     starts: int = 48
-    restarts: int = 3
-    rounds: int = 2
-    evaluations: int = 50
-    tolerance: float = 1e-5
+    restarts: int = 2
+    rounds: int = 1
+    evaluations: int = 30
+    tolerance: float = 1e-4
+
+    def thorough(self) -> "FitSettings":
+        """The settings for the few expressions whose fit is kept: about four times the work."""
+        return FitSettings(
+            starts=2 * self.starts,
+            restarts=2 * self.restarts,
+            rounds=self.rounds + 2,
+            evaluations=2 * self.evaluations,
+            tolerance=0.1 * self.tolerance,
+        )
 
     def descent(self, searched: int) -> Descent:
         limit = self.evaluations * searched
@@ -168,9 +178,7 @@ def _rows(array: NDArray, count: int) -> list[int]:
     return [array.ctypes.data + row * array.strides[0] for row in range(count)]
 
 
-def _machine(
-    program: Program, base: NDArray[np.int64], advance: NDArray[np.int64], bounds: Bounds
-) -> Machine:
+def _machine(program: Program, base: NDArray[np.int64], advance: NDArray[np.int64], bounds: Bounds) -> Machine:
     low = np.array([bounds[name][0] for name in program.searched], np.float64)
     high = np.array([bounds[name][1] for name in program.searched], np.float64)
     logarithmic = low > 0

@@ -86,9 +86,7 @@ class FitProblem:
     @cached_property
     def full_by_metric(self) -> dict[str, Cells]:
         """All cells, weighted for every metric there is."""
-        others = {
-            name: full_cells(self.source, other) for name, other in METRICS.items() if other != self.metric
-        }
+        others = {name: full_cells(self.source, other) for name, other in METRICS.items() if other != self.metric}
         return {self.metric.name: self.full} | others
 
     @property
@@ -116,9 +114,7 @@ def fit_problem(
     """
     names = tuple(material.name for material in materials)
     if not names or len(set(names)) < len(names):
-        raise FittersError(
-            f"materials: {len(names)} given, {len(set(names))} different names; name each once"
-        )
+        raise FittersError(f"materials: {len(names)} given, {len(set(names))} different names; name each once")
     valid = np.any([material.valid for material in materials], axis=0)
     index = np.flatnonzero((light.lit & valid).ravel())
     if not len(index):

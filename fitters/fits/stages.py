@@ -68,35 +68,34 @@ class Description:
 def screen(problem: FitProblem, job: FitJob) -> list[Fit]:
     """The fits of a job's expressions on the small sample."""
     return [
-        fit(parse(text), problem.sample, problem.metric, job.intervals, job.settings)
-        for text in job.expressions
+        fit(parse(text), problem.sample, problem.metric, job.intervals, job.settings) for text in job.expressions
     ]
 
 
 def confirm(problem: FitProblem, job: FitJob) -> list[Confirmed]:
-    """The fits of a job's expressions: screened, fitted on the fine sample, judged on all cells."""
+    """The fits of a job's expressions: screened, fitted thoroughly on the fine sample, judged on all cells."""
     return [_confirm(problem, text, job) for text in job.expressions]
 
 
 def _confirm(problem: FitProblem, text: str, job: FitJob) -> Confirmed:
     started = time.perf_counter()
-    expression, metric, bounds = parse(text), problem.metric, job.intervals
+    expression, metric, bounds, settings = parse(text), problem.metric, job.intervals, job.settings.thorough()
     screened = fit(expression, problem.sample, metric, bounds, job.settings)
-    found = fit(expression, problem.fine, metric, bounds, job.settings, near=screened)
-    found = refit(expression, problem.full, metric, bounds, found, job.settings, evaluations=0)
+    found = fit(expression, problem.fine, metric, bounds, settings, near=screened)
+    found = refit(expression, problem.full, metric, bounds, found, settings, evaluations=0)
     return Confirmed(found, screened.error, time.perf_counter() - started)
 
 
 def describe(problem: FitProblem, job: DescriptionJob) -> Description:
     """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
-    expression, bounds = parse(job.expression), job.intervals
+    expression, bounds, settings = parse(job.expression), job.intervals, job.settings.thorough()
     found = refit(
         expression,
         problem.full,
         problem.metric,
         bounds,
         job.fit,
-        job.settings,
+        settings,
         evaluations=POLISH_EVALUATIONS,
     )
     exact = exact_errors(expression, problem, found)

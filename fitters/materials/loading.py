@@ -23,9 +23,7 @@ def load_material(reference: str | Path, *, base: Path | None = None) -> Materia
     try:
         path = Path(reference).expanduser()
     except RuntimeError as error:
-        raise FittersError(
-            f"{reference} names the home folder of an unknown user: check the path."
-        ) from error
+        raise FittersError(f"{reference} names the home folder of an unknown user: check the path.") from error
     path = path if base is None else base / path
     _check(path, str(reference))
     return READERS[path.suffix.lower()](read_file(path))

@@ -35,9 +35,7 @@ def read_file(path: Path) -> MaterialFile:
             )
         content = path.read_bytes()
     except OSError as error:
-        raise FittersError(
-            f"{path} cannot be read ({error.strerror or error}): check its permissions."
-        ) from error
+        raise FittersError(f"{path} cannot be read ({error.strerror or error}): check its permissions.") from error
     if not content:
         raise FittersError(f"{path.name} is empty: the download failed. Fetch it again.")
     return MaterialFile(path.name, path.stem, content)

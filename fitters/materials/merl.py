@@ -24,9 +24,7 @@ def load(file: MaterialFile) -> Material:
     """The material in a `.binary` file. Raises `FittersError` where it is not a whole MERL file."""
     genuine = genuine_merl_name(file.sha256)
     source = f"MERL, genuine {genuine}" if genuine else "MERL format, not one of the released files"
-    return from_samples(
-        file.stem, _samples(file), source=source, sha256=file.sha256, all_negative_is_missing=True
-    )
+    return from_samples(file.stem, _samples(file), source=source, sha256=file.sha256, all_negative_is_missing=True)
 
 
 def write_merl(path: Path, table: Array, valid: NDArray[np.bool_]) -> None:
@@ -54,8 +52,7 @@ def _samples(file: MaterialFile) -> NDArray[np.float32]:
         short = len(content) < FILE_BYTES
         problem = "the download was cut short" if short else "something was appended to it"
         raise FittersError(
-            f"{file.name} holds {len(content):,} bytes, a MERL file has {FILE_BYTES:,}: {problem}. "
-            "Fetch it again."
+            f"{file.name} holds {len(content):,} bytes, a MERL file has {FILE_BYTES:,}: {problem}. Fetch it again."
         )
     stored = np.frombuffer(content, "<f8", offset=len(HEADER)).reshape(3, CELLS)
     samples = np.empty((3, CELLS), np.float32)

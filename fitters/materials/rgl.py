@@ -168,9 +168,7 @@ def _field(
     expected = " x ".join(str(wanted) for wanted in shape)
     found = " x ".join(str(size) for size in array.shape)
     _require(fits, name, field, f"has the shape {found}, {expected} is needed")
-    _require(
-        array.size <= MAX_ELEMENTS, name, field, f"has {array.size:,} entries, more than {MAX_ELEMENTS:,}"
-    )
+    _require(array.size <= MAX_ELEMENTS, name, field, f"has {array.size:,} entries, more than {MAX_ELEMENTS:,}")
     _require(not finite or bool(np.isfinite(array).all()), name, field, "holds NaN or infinite numbers")
     return array.astype(np.float64)
 

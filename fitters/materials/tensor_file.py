@@ -80,9 +80,7 @@ def _field(cursor: _Cursor) -> tuple[str, np.ndarray]:
         raise FittersError(f"{where} claims {rank} dimensions: the file is damaged. Fetch it again.")
     shape = cursor.unpack(f"{rank}Q")
     if code not in ELEMENT_TYPES:
-        raise FittersError(
-            f"{where} has the unknown element type {code}: the file is damaged. Fetch it again."
-        )
+        raise FittersError(f"{where} has the unknown element type {code}: the file is damaged. Fetch it again.")
     dtype = ELEMENT_TYPES[code]
     end = offset + prod(shape) * dtype.itemsize
     # An array without elements may still claim sizes that no array can have.

@@ -37,9 +37,7 @@ def read_rgb(path: Path) -> Array:
     """Channels R, G, B (rows, 2 rows, 3) float32 of the first image in a file."""
     image = oiio.ImageInput.open(str(path))
     if image is None:
-        raise FittersError(
-            f"cannot be read as an image ({oiio.geterror()}); give an intact .hdr or .exr file"
-        )
+        raise FittersError(f"cannot be read as an image ({oiio.geterror()}); give an intact .hdr or .exr file")
     try:
         channels = _check_header(image)
         pixels = image.read_image(0, 0, 0, image.spec().nchannels, oiio.FLOAT)
@@ -54,9 +52,7 @@ def _check_header(image: Any) -> list[int]:
     """Indices of R, G and B in an image whose header describes a map."""
     spec = image.spec()
     if image.format_name() not in FORMATS:
-        raise FittersError(
-            f"is a {image.format_name()} image, which holds no linear radiance; give .hdr or .exr"
-        )
+        raise FittersError(f"is a {image.format_name()} image, which holds no linear radiance; give .hdr or .exr")
     if spec.width != 2 * spec.height:
         raise FittersError(
             f"has {spec.width} x {spec.height} pixels; a latitude-longitude map is twice as wide as high"
@@ -82,7 +78,6 @@ def clean(pixels: Array) -> Array:
     significant = int(np.count_nonzero(radiance < -NEGLIGIBLE * abs(radiance.mean())))
     if significant:
         raise FittersError(
-            f"{significant} of {radiance.size} values are negative, down to {radiance.min():.3g}; "
-            "clamp them to 0"
+            f"{significant} of {radiance.size} values are negative, down to {radiance.min():.3g}; clamp them to 0"
         )
     return np.maximum(radiance, 0.0, out=radiance)

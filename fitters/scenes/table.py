@@ -42,9 +42,7 @@ class LightTable:
         if not np.array_equal(self.lit, (self.table > 0).any(axis=0)):
             raise FittersError("light table: `lit` is not where the table is positive")
         if not self.lit.any():
-            raise FittersError(
-                "light table: no light reaches the visible side of the sphere; rotate the light"
-            )
+            raise FittersError("light table: no light reaches the visible side of the sphere; rotate the light")
 
 
 def light_table(scene: Scene, *, base: Path | None = None) -> LightTable:

@@ -36,7 +36,8 @@ def estimate(configuration: Configuration, planned: Plan, console: Console) -> N
     console.print(
         f"{configuration.name}: the configuration is valid\n"
         f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
-        f"  scene       {configuration.scene.light}: {len(problem.full):,} lit cells, {len(problem.sample):,} sampled\n"
+        f"  scene       {configuration.scene.light}: {len(problem.full):,} lit cells, {len(problem.sample):,} sampled"
+        "\n"
         f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a generation,"
         f" codebank of {len(planned.breeding.mutation.codebank)}\n"
         f"  executor    {where}\n"

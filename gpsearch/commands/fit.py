@@ -6,7 +6,16 @@ import click
 
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
-from fitters.fits import METRICS, DescriptionJob, FitJob, FitSettings, ProblemRecipe, build_problem, confirm, describe
+from fitters.fits import (
+    METRICS,
+    DescriptionJob,
+    FitJob,
+    FitSettings,
+    ProblemRecipe,
+    build_problem,
+    confirm,
+    describe,
+)
 from fitters.fits.problem import CHANNELS
 from fitters.scenes import Scene
 from gpsearch.commands.runs import json_option, print_json

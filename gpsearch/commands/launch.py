@@ -27,7 +27,9 @@ SUMMARY_ROWS = 12
 @click.command()
 @click.argument("config", type=click.Path(path_type=Path))
 @click.option("--run", "folder", type=click.Path(path_type=Path), help="Run directory, default runs/NAME.")
-@click.option("--check", is_flag=True, help="Validate the configuration, print the plan and its cost, run nothing.")
+@click.option(
+    "--check", is_flag=True, help="Validate the configuration, print the plan and its cost, run nothing."
+)
 def launch(config: Path, folder: Path | None, check: bool) -> None:
     """Runs the search of CONFIG, or goes on with it where its run directory is there.
 

@@ -36,9 +36,7 @@ def _text(summary: MaterialSummary) -> str:
         f"  range        {triple(summary.minimum, '{:.3g}')}  to  {triple(summary.maximum, '{:.4g}')}  sr^-1",
         f"  median       {triple(summary.median, '{:.3g}')}  sr^-1",
     ]
-    lines += [
-        f"  albedo {d.theta_i:3.0f} deg  {triple(d.albedo, '{:.3f}')}" for d in summary.directional_albedo
-    ]
+    lines += [f"  albedo {d.theta_i:3.0f} deg  {triple(d.albedo, '{:.3f}')}" for d in summary.directional_albedo]
     lines.append(f"  albedo (sky)   {triple(summary.hemispherical_albedo, '{:.3f}')}")
     if summary.gains_energy:
         lines.append("  an albedo exceeds 1: the measurement gains energy")

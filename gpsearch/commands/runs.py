@@ -17,9 +17,7 @@ def open_run(folder: Path) -> tuple[Store, Configuration]:
     """The store of a run directory and the configuration it was made with. Raises `GpsearchError`."""
     store = Store.open(folder)
     base = Path(store.meta("folder") or folder)
-    return store, parse_configuration(
-        store.configuration, source=str(store.path), folder=base, check_files=False
-    )
+    return store, parse_configuration(store.configuration, source=str(store.path), folder=base, check_files=False)
 
 
 def print_json(report: dict[str, Any]) -> None:

@@ -40,5 +40,7 @@ def status(run: Path, as_json: bool) -> None:
         + (f", {candidates / store_seconds:.0f} a second" if store_seconds else "")
     )
     if members:
-        click.echo(f"front: {len(members)} formulas, the best {members[-1].error:.4f} at {members[-1].nodes} nodes")
+        click.echo(
+            f"front: {len(members)} formulas, the best {members[-1].error:.4f} at {members[-1].nodes} nodes"
+        )
     click.echo(f"last event: {report['last_event'] or 'none'}")

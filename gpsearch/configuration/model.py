@@ -78,8 +78,11 @@ class Configuration(Section):
 
     def text(self) -> str:
         """YAML with every default filled in, keys in one order; it loads back to an equal configuration."""
+        return self._yaml()
+
+    def _yaml(self, exclude: set[str] | None = None) -> str:
         return yaml.safe_dump(
-            self.model_dump(mode="json"),
+            self.model_dump(mode="json", exclude=exclude),
             sort_keys=False,
             default_flow_style=None,
             width=110,
@@ -88,8 +91,8 @@ class Configuration(Section):
 
     @cached_property
     def sha256(self) -> str:
-        """Of `text()`, in hexadecimal."""
-        return hashlib.sha256(self.text().encode()).hexdigest()
+        """Of `text()` without the executor, which does not change what is found; in hexadecimal."""
+        return hashlib.sha256(self._yaml(exclude={"executor"}).encode()).hexdigest()
 
     @property
     def material_names(self) -> tuple[str, ...]:

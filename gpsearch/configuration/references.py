@@ -109,16 +109,16 @@ def check_formula(entry: str, info: ValidationInfo) -> str:
     Limits that are themselves invalid, and so not in `info.data`, are not applied.
     """
     expression = resolve_formula(entry)
-    allowed = info.data.get("parameters", len(expression.parameters) and 100)
-    beyond = [name for name in expression.parameters if int(name[1:]) >= allowed]
-    if beyond:
-        raise ValueError(
-            f"{shown(entry)} uses {listed(beyond)}, but search.parameters is {allowed}: "
-            f"{'only p0' if allowed == 1 else f'p0 to p{allowed - 1}'} may occur"
-        )
-    largest = info.data.get("max_nodes", MAX_NODES) if info.field_name == "start" else MAX_NODES
+    if (parameters := info.data.get("parameters")) is not None:
+        beyond = [name for name in expression.parameters if int(name[1:]) >= parameters]
+        if beyond:
+            may = "only p0" if parameters == 1 else f"p0 to p{parameters - 1}"
+            limit = f"search.parameters is {parameters}: {may} may occur"
+            raise ValueError(f"{shown(entry)} uses {listed(beyond)}, but {limit}")
+    is_start = info.field_name == "start"
+    largest = info.data.get("max_nodes", MAX_NODES) if is_start else MAX_NODES
     if expression.nodes > largest:
-        limit = "search.max_nodes is" if info.field_name == "start" else "the most is"
+        limit = "search.max_nodes is" if is_start else "the most is"
         raise ValueError(f"{shown(entry)} has {expression.nodes} nodes, but {limit} {largest}")
     return entry if entry in CATALOGUE else to_text(expression)
 
@@ -134,7 +134,7 @@ def resolve_formula(entry: str) -> Expression:
     try:
         return parse(entry)
     except FittersError as error:
-        near = nearest(entry, [*CATALOGUE, ALL])
+        near = nearest(entry, CATALOGUE)
         hint = f"did you mean {near}?" if near else f"there are {listed(CATALOGUE)}"
         split = entry.count("(") != entry.count(")")
         quote = "; an expression with a comma needs quotes in [...]" if split else ""

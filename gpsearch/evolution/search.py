@@ -148,7 +148,9 @@ class Search:
         batches = [texts[i : i + size] for i in range(0, len(texts), size)]
         self.watcher.stage(f"generation {self.generation + 1}", len(texts))
         began, done = time.monotonic(), 0
-        fits = self._run(screen, [self.plan.job(*batch) for batch in batches], f"fit-generation{self.generation + 1}")
+        fits = self._run(
+            screen, [self.plan.job(*batch) for batch in batches], f"fit-generation{self.generation + 1}"
+        )
         found: dict[str, float] = {}
         try:
             for i, results in fits:

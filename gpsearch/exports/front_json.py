@@ -106,7 +106,8 @@ def _baseline_entry(
         "nodes": published.expression.nodes,
         "floats": len(fit.names) * len(CHANNELS),
         "parameters": {
-            symbol: _by_material(fit.values[:, column].tolist(), materials) for column, symbol in enumerate(fit.names)
+            symbol: _by_material(fit.values[:, column].tolist(), materials)
+            for column, symbol in enumerate(fit.names)
         },
         "error": fit.error,
         "errors": _by_material(fit.errors.tolist(), materials),

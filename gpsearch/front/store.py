@@ -54,10 +54,16 @@ class Store:
             connection = _connect(path)
             with connection:
                 connection.executescript(f"BEGIN;{_SCHEMA}")
-                values = {"schema": str(SCHEMA_VERSION), "configuration": configuration, "created": str(time.time())}
+                values = {
+                    "schema": str(SCHEMA_VERSION),
+                    "configuration": configuration,
+                    "created": str(time.time()),
+                }
                 connection.executemany("INSERT INTO meta VALUES (?, ?)", values.items())
         except (OSError, sqlite3.Error) as error:
-            raise GpsearchError(f"{path}: the run cannot be stored there ({error}); choose another --run") from None
+            raise GpsearchError(
+                f"{path}: the run cannot be stored there ({error}); choose another --run"
+            ) from None
         return cls(path, connection)
 
     @classmethod
@@ -70,7 +76,9 @@ class Store:
             connection = _connect(path)
             found = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         except sqlite3.Error as error:
-            raise GpsearchError(f"{path}: not a readable run ({error}); restore it or choose another --run") from None
+            raise GpsearchError(
+                f"{path}: not a readable run ({error}); restore it or choose another --run"
+            ) from None
         if found is None or int(found[0]) != SCHEMA_VERSION:
             version = "none" if found is None else found[0]
             raise GpsearchError(
