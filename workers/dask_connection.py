@@ -15,7 +15,7 @@ from workers.errors import WorkersError
 from workers.terminal import silenced_logs
 
 PACKAGE = "gpsearch"
-ADDRESS = re.compile(r"(tcp|tls|ws|wss|ucx)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
+ADDRESS = re.compile(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
 
 
 def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
@@ -40,8 +40,8 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
             f"no Dask scheduler answers at {address} after {wait_seconds:g} s: "
             "start one with `dask-scheduler`, or set executor: local"
         ) from error
-    except ImportError as error:
-        raise WorkersError(f"the Dask scheduler at {address} refuses this client: {error}") from error
+    except (ImportError, RuntimeError) as error:
+        raise WorkersError(f"cannot speak with the Dask scheduler at {address}: {error}") from error
     try:
         client.wait_for_workers(1, timeout=max(0.1, deadline - monotonic()))
     except TimeoutError as error:

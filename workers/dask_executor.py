@@ -41,17 +41,19 @@ def run_task(task: Task) -> Any:
 class DaskExecutor:
     """Runs tasks on the workers of a client; `open_dask` makes one."""
 
-    def __init__(self, client: Client, place: str, resources: ExitStack) -> None:
-        """`place` says where the scheduler is; `resources` closes the client and what it came with."""
+    def __init__(self, client: Client, description: str, resources: ExitStack) -> None:
+        """`description` says where the workers are; `resources` closes the client and what it came with."""
+        self.description = description
         self._client = client
-        self._place = place
         self._resources = resources
-        self.description = place
 
     @property
     def processes(self) -> int:
         """The threads of all workers that are there now, at least 1."""
-        return max(1, sum(self._client.nthreads().values()))
+        try:
+            return max(1, sum(self._client.nthreads().values()))
+        except OSError as error:
+            raise WorkersError(f"lost the connection to {self.description}: {error}") from error
 
     def run(
         self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Sequence[P], *, label: str
@@ -70,7 +72,7 @@ class DaskExecutor:
                     yield index, result
         except (OSError, CancelledError) as error:
             raise WorkersError(
-                f"{label}: lost the connection to {self._place} with {len(outstanding)} tasks outstanding: "
+                f"{label}: lost the connection to {self.description} with {len(outstanding)} tasks outstanding: "
                 "see whether the scheduler still runs, then start again"
             ) from error
         finally:
@@ -105,8 +107,8 @@ def open_dask(scheduler: str | None, workers: int | None, wait_seconds: float) -
             description = f"{count} worker process{'es' * (count != 1)} on this machine"
         else:
             description = f"{scheduler} with {count} worker{'s' * (count != 1)}"
-        return DaskExecutor(client, description, resources.pop_all())
-    raise AssertionError("unreachable: ExitStack suppresses nothing here")
+        kept = resources.pop_all()
+    return DaskExecutor(client, description, kept)
 
 
 def key_prefix(label: str) -> str:

@@ -10,6 +10,7 @@ Every node has a class, which says when it must be computed:
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fitters.expressions import grammar
 from fitters.expressions.evaluation import FUNCTIONS, dot_feature
@@ -130,7 +131,7 @@ class Graph:
         return sorted(seen)
 
 
-def _log(x: np.ndarray) -> np.ndarray:
+def _log(x: ArrayLike) -> np.ndarray:
     """The machine's logarithm: finite at 0, so that 0^0 stays 1."""
     return np.where(x == 0, ZERO_LOG, np.log(np.where(x == 0, 1.0, x)))
 

@@ -9,6 +9,7 @@ Lowering goes expression -> graph (`graph.py`) -> split into linear coefficients
 alone is computed once per expression, in float64 by NumPy, and given to the machine as input vectors.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -64,7 +65,7 @@ class Program:
 def _cell_value(graph: Graph, node: int, values: dict[int, Array], features: dict[str, Array]) -> Array:
     operator, *rest = graph.nodes[node]
     if operator == "const":
-        return np.float64(rest[0])
+        return np.asarray(rest[0])
     if operator == "feature":
         return features[rest[0]]
     return APPLY[operator](*(values[child] for child in rest))
@@ -170,9 +171,9 @@ class _Scheduler:
                 self.slot[node] = free.pop()
             code.append(self._instruction(operator, self.slot[node], children))
             for child in dict.fromkeys(children):
-                if last_use.get(child) == node and child in self.slot and child not in written:
-                    if self.slot[child] >= persistent:
-                        free.append(self.slot[child])
+                is_temporary = self.slot.get(child, 0) >= persistent and child not in written
+                if is_temporary and last_use[child] == node:
+                    free.append(self.slot[child])
         return code, temporaries
 
     def _instruction(self, operator: str, destination: int, children: list[int]) -> tuple[int, ...]:
@@ -187,5 +188,5 @@ class _Scheduler:
         return OPCODE[operator, form], destination, operands[0], operands[-1]
 
 
-def _rows(code: list[tuple[int, ...]]) -> Code:
+def _rows(code: Sequence[tuple[int, ...]]) -> Code:
     return np.array(code, np.int32).reshape(-1, 4)

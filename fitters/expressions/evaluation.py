@@ -91,7 +91,7 @@ def _value(node: Expression, parameters: Mapping[str, Array | float], seen: Mapp
     if node.symbol == "dot":
         name = dot_feature(node.children[0].symbol, node.children[1].symbol)
         if name == "1":
-            return np.float64(1.0)
+            return np.asarray(1.0)
         return seen[name] if name in seen else 2.0 * seen["wi.z"] ** 2 - 1.0
     if node.children:
         return FUNCTIONS[node.symbol](*(_value(child, parameters, seen) for child in node.children))
@@ -100,4 +100,4 @@ def _value(node: Expression, parameters: Mapping[str, Array | float], seen: Mapp
         return np.asarray(parameters[node.symbol], dtype=np.float64)
     if kind == "component":
         return seen["wi.z" if node.symbol == "wr.z" else node.symbol]
-    return np.float64(grammar.value(node.symbol))
+    return np.asarray(grammar.value(node.symbol))

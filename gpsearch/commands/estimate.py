@@ -9,7 +9,7 @@ from fitters.fits import build_problem, screen
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
-from gpsearch.evolution.plan import Plan
+from gpsearch.evolution.plan import Plan, problem_recipe
 
 PROBES = 24
 """Founders that are fitted to measure the rate."""
@@ -17,7 +17,7 @@ PROBES = 24
 
 def estimate(configuration: Configuration, planned: Plan, console: Console) -> None:
     """Loads everything, fits a few founders, and prints the plan with the time it would take."""
-    problem = build_problem(planned.recipe.argument)
+    problem = build_problem(problem_recipe(configuration))
     founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
     # The first fit compiles or loads the engine.
     screen(problem, planned.job(founders[0].expression))
@@ -33,13 +33,14 @@ def estimate(configuration: Configuration, planned: Plan, console: Console) -> N
         limits.append(f"{budget.generations} generations ({duration(generation_seconds * budget.generations)})")
     if budget.candidates is not None:
         limits.append(f"{budget.candidates:,} candidates ({duration(budget.candidates / (rate * processes))})")
+    cells = f"{len(problem.full):,} lit cells, {len(problem.sample):,} sampled"
+    bank = len(planned.breeding.mutation.codebank)
     console.print(
         f"{configuration.name}: the configuration is valid\n"
         f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
-        f"  scene       {configuration.scene.light}: {len(problem.full):,} lit cells, {len(problem.sample):,} sampled"
-        "\n"
-        f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a generation,"
-        f" codebank of {len(planned.breeding.mutation.codebank)}\n"
+        f"  scene       {configuration.scene.light}: {cells}\n"
+        f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a"
+        f" generation, codebank of {bank}\n"
         f"  executor    {where}\n"
         f"  rate        {rate:.0f} candidates/s and process, {duration(generation_seconds)} a generation\n"
         f"  ends after  {', or '.join(limits)}, whatever comes first",

@@ -16,14 +16,14 @@ def status(run: Path, as_json: bool) -> None:
     store, configuration = open_run(run)
     try:
         generations, candidates, fitted = store.totals()
-        members = store.front().members
+        members, seconds = store.front().members, store.seconds
         report = {
             "name": configuration.name,
             "generations": generations,
             "of_generations": configuration.budget.generations,
             "candidates": candidates,
             "fitted": fitted,
-            "seconds": round(store.seconds, 1),
+            "seconds": round(seconds, 1),
             "front": len(members),
             "best": {"nodes": members[-1].nodes, "error": members[-1].error} if members else None,
             "last_event": next((f"{kind}: {detail}" for _, kind, detail in reversed(store.events())), None),
@@ -35,9 +35,8 @@ def status(run: Path, as_json: bool) -> None:
         return
     total = f" of {report['of_generations']}" if report["of_generations"] else ""
     click.echo(
-        f"{report['name']}: generation {generations}{total}, {candidates:,} candidates ({fitted:,} fitted),"
-        f" {duration(store_seconds := float(report['seconds']))}"
-        + (f", {candidates / store_seconds:.0f} a second" if store_seconds else "")
+        f"{configuration.name}: generation {generations}{total}, {candidates:,} candidates ({fitted:,} fitted),"
+        f" {duration(seconds)}" + (f", {candidates / seconds:.0f} a second" if seconds else "")
     )
     if members:
         click.echo(

@@ -5,9 +5,9 @@ collected per generation before anything is decided.
 """
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeVar
 
 from fitters.expressions import parse
 from fitters.fits import Confirmed, DescriptionJob, confirm, describe, screen
@@ -16,6 +16,9 @@ from gpsearch.evolution.plan import Plan
 from gpsearch.front import Front, Member, Store
 from gpsearch.genomes import Genome
 from workers import Executor
+
+P = TypeVar("P")
+R = TypeVar("R")
 
 TASK_SECONDS = 0.5
 """Candidates are batched into tasks of about so long: a scheduler handles a few hundred tasks a second."""
@@ -214,7 +217,7 @@ class Search:
             Standing(self.generation, self.candidates, self.fitted, self.seconds, best, self.front)
         )
 
-    def _run(self, function, payloads: Sequence, label: str) -> Iterator[tuple[int, object]]:
+    def _run(self, function: Callable[[Any, P], R], payloads: Sequence[P], label: str) -> Iterator[tuple[int, R]]:
         """Runs tasks and tells the watcher of every result."""
         for i, result in self.executor.run(function, self.plan.recipe, payloads, label=label):
             self.watcher.step(len(result) if isinstance(result, list) else 1)

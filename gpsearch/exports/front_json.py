@@ -1,4 +1,4 @@
-"""front.json, version 1: the front and the baselines of a run. `front.schema.json` beside this is its JSON Schema."""
+"""front.json, version 1: the front and the baselines of a run. Its JSON Schema is `front.schema.json`."""
 
 import hashlib
 import json

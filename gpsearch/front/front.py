@@ -9,7 +9,7 @@ from gpsearch.genomes import Genome
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A confirmed candidate. `screened` is its error on the small sample, which new candidates are compared with."""
+    """A confirmed candidate. `screened` is its error on the small sample, with which new ones are compared."""
 
     expression: str
     nodes: int

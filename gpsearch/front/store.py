@@ -82,7 +82,8 @@ class Store:
         if found is None or int(found[0]) != SCHEMA_VERSION:
             version = "none" if found is None else found[0]
             raise GpsearchError(
-                f"{path}: its schema version is {version}, this gpsearch reads {SCHEMA_VERSION}: install a newer one"
+                f"{path}: its schema version is {version}, this gpsearch reads {SCHEMA_VERSION};"
+                " install the version of gpsearch that wrote it"
             )
         return cls(path, connection)
 

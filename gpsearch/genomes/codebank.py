@@ -2,8 +2,7 @@
 
 from collections.abc import Iterable
 
-from fitters.expressions import Expression, to_text
-from fitters.expressions import grammar
+from fitters.expressions import Expression, grammar, to_text
 
 
 def codebank(formulas: Iterable[Expression], parameters: int) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ genome and acts again where crossover brings the missing node back.
 """
 
 from dataclasses import dataclass, field
-
 from functools import lru_cache
 
 from fitters.expressions import Expression, grammar, parse
