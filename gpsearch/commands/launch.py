@@ -106,7 +106,11 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     )
     front = exported["front"]
     rows = [(m["nodes"], m["error"], m["expression"]) for m in front[-SUMMARY_ROWS:]]
-    rows += [(b["nodes"], b["error"], f"[{b['name']}, refitted]") for b in exported["baselines"]]
+    rows += [
+        (b["nodes"], b["error"], f"[{b['name']}, refitted]")
+        for b in exported["baselines"]
+        if b["error"] is not None
+    ]
     click.echo("nodes    error  formula")
     for nodes, error, text in sorted(rows):
         click.echo(f"{nodes:5d}  {error:7.4f}  {text if len(text) <= 90 else text[:87] + '...'}")

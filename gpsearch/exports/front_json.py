@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from importlib import resources
-from typing import Any
+from typing import Any, TypeVar
 
 from fitters import expressions
 from fitters.expressions.catalogue import formula
@@ -15,6 +15,8 @@ from gpsearch.configuration import Configuration
 from gpsearch.front import Member, Store
 
 SCHEMA = "gpsearch-front/1"
+
+T = TypeVar("T")
 
 
 def schema() -> dict[str, Any]:
@@ -109,22 +111,26 @@ def _baseline_entry(
             symbol: _by_material(fit.values[:, column].tolist(), materials)
             for column, symbol in enumerate(fit.names)
         },
-        "error": fit.error,
-        "errors": _by_material(fit.errors.tolist(), materials),
+        "error": _finite_or_none(fit.error),
+        "errors": _by_material([_finite_or_none(error) for error in fit.errors.tolist()], materials),
         "metrics": _finite(description.metrics),
         "fit_seconds": round(seconds, 3),
         "cost_ns": round(description.cost_ns, 3),
     }
 
 
-def _by_material(values: list[float], materials: tuple[str, ...]) -> dict[str, list[float]]:
+def _by_material(values: list[T], materials: tuple[str, ...]) -> dict[str, list[T]]:
     """Values of all targets as one list of channels per material."""
     return {name: values[3 * i : 3 * i + 3] for i, name in enumerate(materials)}
 
 
 def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
+    return {name: _finite_or_none(value) for name, value in numbers.items()}
+
+
+def _finite_or_none(value: float) -> float | None:
     """JSON has no infinity: what is not finite becomes null."""
-    return {name: value if math.isfinite(value) else None for name, value in numbers.items()}
+    return value if math.isfinite(value) else None
 
 
 def to_text(exported: dict[str, Any]) -> str:

@@ -107,8 +107,21 @@ class Draft:
             at = self.parents[at]
         return False
 
-    def nodes_under(self, label: str) -> int:
-        return 1 + sum(self.nodes_under(child) for child in self.children[label])
+    def level(self, label: str) -> int:
+        """How many nodes lie above the one of this label."""
+        count, at = 0, self.parents[label]
+        while at is not None:
+            count, at = count + 1, self.parents[at]
+        return count
+
+    def fits(self, max_nodes: int) -> bool:
+        """Whether this is an expression of the language of at most so many nodes."""
+        if len(self.symbols) > max_nodes:
+            return False
+        depth, layer = 0, [self.root]
+        while layer:
+            depth, layer = depth + 1, [child for label in layer for child in self.children[label]]
+        return depth <= MAX_DEPTH
 
     def _grow(self, expression: Expression, label: str, parent: str | None) -> str:
         """Adds the nodes of an expression, labelled in preorder; returns the label of its root."""
@@ -156,6 +169,9 @@ class Draft:
             self.children[parent][place] = label
 
     def _forget(self, label: str) -> None:
-        for child in self.children.pop(label):
-            self._forget(child)
-        del self.symbols[label], self.parents[label]
+        # No recursion: between two edits a draft may be deeper than any expression.
+        outdated = [label]
+        while outdated:
+            label = outdated.pop()
+            outdated += self.children.pop(label)
+            del self.symbols[label], self.parents[label]

@@ -18,7 +18,7 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
         last = max(sizes + [b["nodes"] for b in baselines if "nodes" in b])
         axes.step([*sizes, last * 1.05], [*errors, errors[-1]], where="post", color=FRONT_COLOUR, lw=1, alpha=0.5)
         axes.plot(sizes, errors, "o", color=FRONT_COLOUR, ms=5, label="found by the search")
-    drawn = [b for b in baselines if "nodes" in b]
+    drawn = [b for b in baselines if "nodes" in b and b["error"] is not None]
     axes.plot(
         [b["nodes"] for b in drawn],
         [b["error"] for b in drawn],

@@ -107,6 +107,14 @@ def test_worker_processes_compute_with_one_thread() -> None:
         assert {value for _, value in executor.run(work.environment, work.RECIPE, names, label="env")} == {"1"}
 
 
+def test_an_interrupt_does_not_reach_worker_processes() -> None:
+    with open_executor(DaskSettings(workers=1)) as executor:
+        [(_, before)] = executor.run(work.process_and_builds, work.RECIPE, [0], label="before")
+        list(executor.run(work.interrupt_own_process, work.RECIPE, [None], label="interrupt"))
+        [(_, after)] = executor.run(work.process_and_builds, work.RECIPE, [0], label="after")
+    assert after == before
+
+
 INTERRUPTED = """
 from tests.workers import work
 from workers import DaskSettings, open_executor

@@ -61,5 +61,10 @@ def die(_context: str, _payload: None) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def interrupt_own_process(_context: str, _payload: None) -> None:
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.3)
+
+
 def environment(_context: str, payload: str) -> str | None:
     return os.environ.get(payload)
