@@ -20,9 +20,7 @@ def random_tree(rng: np.random.Generator, depth: int) -> Expression:
         return Expression(str(rng.choice(LEAVES)))
     if rng.random() < 0.35:
         return Expression(str(rng.choice(UNARY)), (random_tree(rng, depth - 1),))
-    return Expression(
-        str(rng.choice(BINARY)), (random_tree(rng, depth - 1), random_tree(rng, depth - 1))
-    )
+    return Expression(str(rng.choice(BINARY)), (random_tree(rng, depth - 1), random_tree(rng, depth - 1)))
 
 
 def trees(max_leaves: int = 40) -> st.SearchStrategy[Expression]:

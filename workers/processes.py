@@ -53,7 +53,12 @@ def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) 
         with interrupts_kept_from_children():
             cluster = stack.enter_context(
                 LocalCluster(
-                    n_workers=count, threads_per_worker=1, worker_class=QuietNanny, dashboard_address=None
+                    n_workers=count,
+                    threads_per_worker=1,
+                    worker_class=QuietNanny,
+                    dashboard_address=None,
+                    # Even without a dashboard a scheduler serves HTTP, and warns where its port is taken.
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},
                 )
             )
             return stack.enter_context(Client(cluster, timeout=wait_seconds, set_as_default=False))

@@ -79,22 +79,42 @@ def evaluate(expression: Expression, parameters: Mapping[str, Array | float], w_
 
 
 def evaluate_features(
-    expression: Expression, parameters: Mapping[str, Array | float], seen: Mapping[str, Array]
+    expression: Expression,
+    parameters: Mapping[str, Array | float],
+    seen: Mapping[str, Array],
+    known: Mapping[Expression, Array] | None = None,
 ) -> Array:
-    """As `evaluate`, for features that are already there."""
+    """As `evaluate`, for features that are already there, and `known` values of subexpressions on them."""
     shape = np.shape(seen["wi.z"])
     with np.errstate(all="ignore"):
-        return np.broadcast_to(_value(expression, parameters, seen), shape) + np.zeros(shape)
+        return np.broadcast_to(_value(expression, parameters, seen, known or {}), shape) + np.zeros(shape)
 
 
-def _value(node: Expression, parameters: Mapping[str, Array | float], seen: Mapping[str, Array]) -> Array:
+def parameter_free(expression: Expression, seen: Mapping[str, Array]) -> dict[Expression, Array]:
+    """Values of the largest subexpressions that no parameter touches: the same for every target."""
+    if not expression.parameters:
+        return {expression: evaluate_features(expression, {}, seen)} if expression.children else {}
+    found: dict[Expression, Array] = {}
+    for child in expression.children:
+        found |= parameter_free(child, seen)
+    return found
+
+
+def _value(
+    node: Expression,
+    parameters: Mapping[str, Array | float],
+    seen: Mapping[str, Array],
+    known: Mapping[Expression, Array],
+) -> Array:
+    if node in known:
+        return known[node]
     if node.symbol == "dot":
         name = dot_feature(node.children[0].symbol, node.children[1].symbol)
         if name == "1":
             return np.asarray(1.0)
         return seen[name] if name in seen else 2.0 * seen["wi.z"] ** 2 - 1.0
     if node.children:
-        return FUNCTIONS[node.symbol](*(_value(child, parameters, seen) for child in node.children))
+        return FUNCTIONS[node.symbol](*(_value(child, parameters, seen, known) for child in node.children))
     kind = grammar.kind(node.symbol)
     if kind == "parameter":
         return np.asarray(parameters[node.symbol], dtype=np.float64)

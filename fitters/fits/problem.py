@@ -5,7 +5,6 @@ Cells that the scene does not light, or where no material is valid, are left out
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,12 +82,6 @@ class FitProblem:
     sample: Cells
     sha256: str
 
-    @cached_property
-    def full_by_metric(self) -> dict[str, Cells]:
-        """All cells, weighted for every metric there is."""
-        others = {name: full_cells(self.source, other) for name, other in METRICS.items() if other != self.metric}
-        return {self.metric.name: self.full} | others
-
     @property
     def materials(self) -> tuple[str, ...]:
         return tuple(material.name for material in self.source.materials)
@@ -128,20 +121,27 @@ def fit_problem(
 
 def full_cells(source: Source, metric: Metric) -> Cells:
     """All cells of a source, weighted for a metric."""
-    index = source.index
+    count = len(CHANNELS) * len(source.materials)
+    weights = np.empty((count, len(source.index)), np.float32)
+    targets = np.empty_like(weights)
+    for target in range(count):
+        weights[target], targets[target] = weighted_target(source, metric, target)
     w_i, w_o = cell_directions()
-    carried = source.light.table.reshape(3, -1)[:, index].astype(np.float64)
-    weights = np.zeros((3 * len(source.materials), len(index)), np.float32)
-    targets = np.zeros_like(weights)
-    for number, material in enumerate(source.materials):
-        valid = material.valid.ravel()[index]
-        measured = material.table.reshape(3, -1)[:, index].astype(np.float64)
-        for channel in range(3):
-            w, m = metric.weights(carried[channel][valid], measured[channel][valid]), measured[channel][valid]
-            w = w / metric.scale(w, m)
-            weights[3 * number + channel, valid] = w
-            targets[3 * number + channel, valid] = w * m
-    return Cells(index, features(w_i[index], w_o[index]), weights, targets)
+    return Cells(source.index, features(w_i[source.index], w_o[source.index]), weights, targets)
+
+
+def weighted_target(source: Source, metric: Metric, target: int) -> tuple[Array, Array]:
+    """Weights (n,) of one target over all cells, 0 where it is not valid, and weights times measured values."""
+    material, channel = source.materials[target // len(CHANNELS)], target % len(CHANNELS)
+    valid = material.valid.ravel()[source.index]
+    at = source.index[valid]
+    light = source.light.table[channel].ravel()[at].astype(np.float64)
+    measured = material.table[channel].ravel()[at].astype(np.float64)
+    w = metric.weights(light, measured)
+    w = w / metric.scale(w, measured)
+    weights, targets = np.zeros(len(source.index)), np.zeros(len(source.index))
+    weights[valid], targets[valid] = w, w * measured
+    return weights, targets
 
 
 def sample(cells: Cells, count: int, seed: int) -> Cells:

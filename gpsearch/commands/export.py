@@ -24,7 +24,7 @@ def export(run: Path, form: str, output: Path | None) -> None:
     try:
         if len(store.descriptions()) < len(store.front().members):
             planned = plan(configuration)
-            console = Console(stderr=True)
+            console = Console(stderr=True, markup=False, emoji=False, highlight=False)
             with open_executor(LocalSettings()) as executor, ProgressWatcher(console, planned.budget) as watcher:
                 Search(planned, store, executor, watcher).describe_front()
         text = to_text(front_json(store, configuration))

@@ -1,5 +1,6 @@
 """`gpsearch launch CONFIG`: runs a search, or goes on with one."""
 
+import shlex
 import sys
 from pathlib import Path
 
@@ -35,7 +36,7 @@ def launch(config: Path, folder: Path | None, check: bool) -> None:
 
     Leaves front.json and front.png in the run directory. Ctrl-C stops at any time; the same command goes on.
     """
-    console = Console(stderr=True, soft_wrap=True)
+    console = Console(stderr=True, soft_wrap=True, markup=False, emoji=False, highlight=False)
     configuration = load_configuration(config)
     folder = folder or Path("runs") / configuration.name
     planned = plan(configuration)
@@ -47,7 +48,7 @@ def launch(config: Path, folder: Path | None, check: bool) -> None:
         _search(planned, store, configuration, console)
     except KeyboardInterrupt:
         console.print(f"stopped after generation {store.totals()[0]}; nothing is lost. To go on:")
-        console.print(f"  gpsearch launch {config} --run {folder}", highlight=False)
+        console.print(f"  {shlex.join(['gpsearch', 'launch', str(config), '--run', str(folder)])}")
         sys.exit(130)
     finally:
         store.close()
@@ -83,7 +84,7 @@ def _search(planned: Plan, store: Store, configuration: Configuration, console: 
     ):
         before = store.totals()[0]
         verb = f"goes on after generation {before}" if before else "starts"
-        console.print(f"{configuration.name} {verb} on {executor.description}", highlight=False)
+        console.print(f"{configuration.name} {verb} on {executor.description}")
         with store.transaction():
             store.log("launch", executor.description)
         reason = Search(planned, store, executor, watcher).run()
@@ -101,8 +102,7 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     run = exported["run"]
     console.print(
         f"done ({reason}): {run['generations']} generations, {run['candidates']:,} candidates,"
-        f" {duration(run['seconds'])}",
-        highlight=False,
+        f" {duration(run['seconds'])}"
     )
     front = exported["front"]
     rows = [(m["nodes"], m["error"], m["expression"]) for m in front[-SUMMARY_ROWS:]]

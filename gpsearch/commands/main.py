@@ -37,7 +37,8 @@ def main() -> None:
         sys.exit(2)
     except WorkersError as error:
         _complain(error)
-        sys.exit(1)
+        # A file that no worker can read is bad input all the same.
+        sys.exit(2 if isinstance(error.__cause__, FittersError) else 1)
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         sys.exit(130)

@@ -30,7 +30,6 @@ class ProgressWatcher:
         )
         self.task = self.live.add_task("starting", total=None)
         self.began = time.monotonic()
-        self.first: Standing | None = None
         self.printed = -PLAIN_SECONDS
 
     def __enter__(self) -> "ProgressWatcher":
@@ -53,8 +52,7 @@ class ProgressWatcher:
         last = standing.generation == self.budget.generations
         if self.console.is_terminal or last or now - self.printed >= PLAIN_SECONDS:
             self.printed = now
-            self.console.print(self._line(standing), highlight=False)
-        self.first = self.first or standing
+            self.console.print(self._line(standing))
 
     def _line(self, standing: Standing) -> str:
         members = standing.front.members

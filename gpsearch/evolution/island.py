@@ -121,5 +121,5 @@ def _mutated(genome: Genome, breeding: Breeding, rng: np.random.Generator) -> Of
 
 
 def _viable(child: Genome, breeding: Breeding, parent: Genome) -> Genome:
-    """The child, or its parent where crossover made it larger than the limit allows."""
-    return child if reify(child).nodes <= breeding.mutation.max_nodes else parent
+    """The child, or its parent where crossover made it larger or deeper than the limits allow."""
+    return child if draft(child).fits(breeding.mutation.max_nodes) else parent

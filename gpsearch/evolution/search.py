@@ -75,7 +75,11 @@ class Search:
         """Breeds until a budget is used up, describes the front; returns which budget it was."""
         self.fit_baselines()
         while (reason := self._exhausted()) is None:
-            if not self._one_generation():
+            try:
+                whole = self._one_generation()
+            finally:
+                self._keep_fits()
+            if not whole:
                 reason = "minutes"
                 break
         self.describe_front()
@@ -130,13 +134,12 @@ class Search:
         for island, brood in zip(self.islands, broods, strict=True):
             for child in brood:
                 first.setdefault(child.expression, _Origin(child.genome, island.number, island.generation + 1))
-        fitted = self._screen([text for text in first if text not in self.errors])
-        if fitted is None:
+        if not self._screen([text for text in first if text not in self.errors]):
             return False
         new = {text: origin for text, origin in first.items() if text not in self.seen}
         self.front = self.front.updated(self._confirm(new, _sizes(broods) | self._starts()))
         self.islands = self._selected(broods)
-        self._save(new, sum(map(len, broods)), fitted, self.seconds - began)
+        self._save(new, sum(map(len, broods)), self.seconds - began)
         return True
 
     def _starts(self) -> dict[str, int]:
@@ -145,8 +148,8 @@ class Search:
             return {}
         return {start: parse(start).nodes for start in self.plan.breeding.starts}
 
-    def _screen(self, texts: Sequence[str]) -> int | None:
-        """Fits what is new on the small sample; how many that was, None where time ran out on the way."""
+    def _screen(self, texts: Sequence[str]) -> bool:
+        """Fits what is new on the small sample; False where time ran out on the way."""
         size = max(1, min(int(TASK_SECONDS / self.seconds_per_candidate), len(texts) // self.executor.processes))
         batches = [texts[i : i + size] for i in range(0, len(texts), size)]
         self.watcher.stage(f"generation {self.generation + 1}", len(texts))
@@ -160,17 +163,20 @@ class Search:
                 found.update((text, fit.error) for text, fit in zip(batches[i], results, strict=True))
                 done += len(results)
                 if self._late() and done < len(texts):
-                    return None
+                    return False
         finally:
-            # What was fitted is kept whatever happens, so that it need not be fitted again.
             self.errors.update(found)
-            if done < len(texts):
-                with self.store.transaction():
-                    self.store.save_errors(found, None)
-                    self.store.save_seconds(self.seconds)
         if done:
             self.seconds_per_candidate = (time.monotonic() - began) * self.executor.processes / done
-        return done
+        return True
+
+    def _keep_fits(self) -> None:
+        """Stores what was fitted in a generation that was broken off, so that it need not be fitted again."""
+        found = {text: error for text, error in self.errors.items() if text not in self.seen}
+        if found:
+            with self.store.transaction():
+                self.store.save_errors(found, None)
+                self.store.save_seconds(self.seconds)
 
     def _confirm(self, new: Mapping[str, "_Origin"], sizes: Mapping[str, int]) -> list[Member]:
         """The candidates that could enter the front, fitted on all cells."""
@@ -202,17 +208,18 @@ class Search:
             return migrate(islands, self.plan.migrants)
         return islands
 
-    def _save(self, new: Mapping[str, "_Origin"], candidates: int, fitted: int, seconds: float) -> None:
+    def _save(self, new: Mapping[str, "_Origin"], candidates: int, seconds: float) -> None:
         self.candidates += candidates
-        self.fitted += fitted
+        self.fitted += len(new)
         self.seen.update(new)
         best = min(individual.error for island in self.islands for individual in island.population)
         with self.store.transaction():
+            self.store.require_generation(self.generation - 1)
             self.store.save_errors({text: self.errors[text] for text in new}, self.generation)
             self.store.save_islands(self.islands)
             self.store.save_front(self.front)
             self.store.save_seconds(self.seconds)
-            self.store.save_generation(self.generation, candidates, fitted, best, seconds)
+            self.store.save_generation(self.generation, candidates, len(new), best, seconds)
         self.watcher.generation(
             Standing(self.generation, self.candidates, self.fitted, self.seconds, best, self.front)
         )

@@ -8,7 +8,7 @@ import json
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -48,11 +48,12 @@ class Store:
     @classmethod
     def create(cls, folder: Path, configuration: str) -> "Store":
         """A new store in a folder that is made where it is missing. Raises `GpsearchError` where it cannot be."""
-        path = folder / FILE
+        path, part = folder / FILE, folder / f"{FILE}.part"
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            connection = _connect(path)
-            with connection:
+            part.unlink(missing_ok=True)
+            # Made beside its name and moved there whole: a process killed right now leaves no half store.
+            with closing(sqlite3.connect(part, isolation_level=None)) as connection, connection:
                 connection.executescript(f"BEGIN;{_SCHEMA}")
                 values = {
                     "schema": str(SCHEMA_VERSION),
@@ -60,11 +61,12 @@ class Store:
                     "created": str(time.time()),
                 }
                 connection.executemany("INSERT INTO meta VALUES (?, ?)", values.items())
+            part.rename(path)
+            return cls(path, _connect(path))
         except (OSError, sqlite3.Error) as error:
             raise GpsearchError(
                 f"{path}: the run cannot be stored there ({error}); choose another --run"
             ) from None
-        return cls(path, connection)
 
     @classmethod
     def open(cls, folder: Path) -> "Store":
@@ -146,7 +148,11 @@ class Store:
     def save_errors(self, errors: Mapping[str, float], generation: int | None) -> None:
         """Errors by expression, with the whole generation in which they first occurred, if there is one."""
         rows = [(expression, error, generation) for expression, error in errors.items()]
-        self._connection.executemany("INSERT OR REPLACE INTO fits VALUES (?, ?, ?)", rows)
+        self._connection.executemany(
+            "INSERT INTO fits VALUES (?, ?, ?)"
+            " ON CONFLICT (expression) DO UPDATE SET generation = coalesce(generation, excluded.generation)",
+            rows,
+        )
 
     # the front and its descriptions
 
@@ -188,6 +194,14 @@ class Store:
     def save_generation(self, generation: int, candidates: int, fitted: int, best: float, seconds: float) -> None:
         row = (generation, candidates, fitted, best, seconds)
         self._connection.execute("INSERT OR REPLACE INTO generations VALUES (?, ?, ?, ?, ?)", row)
+
+    def require_generation(self, generation: int) -> None:
+        """Raises `GpsearchError` where another process has gone on from there; call it in a transaction."""
+        found = self._connection.execute("SELECT MAX(generation) FROM generations").fetchone()[0] or 0
+        if found != generation:
+            raise GpsearchError(
+                f"{self.path}: another gpsearch runs here, which is at generation {found}; leave it to one of them"
+            )
 
     def totals(self) -> tuple[int, int, int]:
         """Generations, candidates, and candidates fitted (the rest were known) so far."""

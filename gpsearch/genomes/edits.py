@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 
 from fitters.expressions import Expression, grammar, parse
+from fitters.expressions.expression import MAX_DEPTH
 
 
 @dataclass(frozen=True, slots=True)

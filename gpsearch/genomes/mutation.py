@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.expressions import grammar
+from fitters.expressions.expression import MAX_DEPTH
 from gpsearch.genomes.edits import Delete, Draft, Edit, Insert, Replace, Swap, parsed, sort
 
 _TRIES = 50
@@ -65,14 +66,17 @@ def _swap(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str
     first, second = _pick(numbers, rng), _pick(numbers, rng)
     if draft.inside(first, second) or draft.inside(second, first):
         return None
-    return None if draft.expression(first) == draft.expression(second) else Swap(first, second)
+    one, other = draft.expression(first), draft.expression(second)
+    too_deep = max(draft.level(first) + other.depth, draft.level(second) + one.depth) > MAX_DEPTH
+    return None if too_deep or one == other else Swap(first, second)
 
 
 def _insert(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:
     at, text = _pick(_numbers(draft), rng), _pick(mutation.codebank, rng)
     new, old = parsed(text), draft.expression(at)
     too_large = len(draft.symbols) - old.nodes + new.nodes > mutation.max_nodes
-    return None if too_large or new == old else Insert(at, text, label)
+    too_deep = draft.level(at) + new.depth > MAX_DEPTH
+    return None if too_large or too_deep or new == old else Insert(at, text, label)
 
 
 def _replace(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:

@@ -25,10 +25,11 @@ def real_cluster(workers: int = 2, python_path: Path | None = None) -> Iterator[
     `python_path` is a folder whose modules its processes find before all others.
     """
     path = os.pathsep.join(str(folder) for folder in (python_path, ROOT) if folder)
+    ports = ["--port", "0", "--dashboard-address", "127.0.0.1:0"]
     local = ["--no-dashboard", "--host", "127.0.0.1"]
     with ExitStack() as stack:
         scratch = stack.enter_context(tempfile.TemporaryDirectory())
-        scheduler = stack.enter_context(_command("dask-scheduler", "--port", "0", *local, path=path))
+        scheduler = stack.enter_context(_command("dask-scheduler", *ports, *local, path=path))
         address = _wait_for(scheduler, r"Scheduler at:\s+(tcp://\S+)")
         if workers:
             options = ["--nworkers", str(workers), "--local-directory", scratch, *local]

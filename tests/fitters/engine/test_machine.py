@@ -12,7 +12,27 @@ from fitters.engine.opcodes import OPCODE, SCALAR_OPCODE, Form
 from tests.fitters.engine.interpreter import OPERATIONS
 
 INF, NAN = np.inf, np.nan
-SPECIAL = [0.0, -0.0, 0.5, -0.5, 1.0, -1.0, 1.5, -1.5, 2.0, -2.0, 3.0, -3.0, 1e-6, 1e5, 90.0, -90.0, INF, -INF, NAN]
+SPECIAL = [
+    0.0,
+    -0.0,
+    0.5,
+    -0.5,
+    1.0,
+    -1.0,
+    1.5,
+    -1.5,
+    2.0,
+    -2.0,
+    3.0,
+    -3.0,
+    1e-6,
+    1e5,
+    90.0,
+    -90.0,
+    INF,
+    -INF,
+    NAN,
+]
 NUMPY = OPERATIONS | {"log": lambda x: np.where(x == 0, ZERO_LOG, np.log(x)), "fill": lambda x: x}
 
 

@@ -23,9 +23,7 @@ def vectors():
 @pytest.mark.parametrize("first", NAMES)
 @pytest.mark.parametrize("second", NAMES)
 def test_a_dot_product_is_that_of_the_vectors(vectors, first, second):
-    found = evaluate(
-        Expression("dot", (Expression(first), Expression(second))), {}, vectors["wi"], vectors["wo"]
-    )
+    found = evaluate(Expression("dot", (Expression(first), Expression(second))), {}, vectors["wi"], vectors["wo"])
     np.testing.assert_allclose(found, np.sum(vectors[first] * vectors[second], axis=1), atol=1e-14)
 
 

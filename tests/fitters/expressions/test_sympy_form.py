@@ -1,5 +1,6 @@
 """The SymPy form means the same, and comes back."""
 
+import contextlib
 import time
 
 import numpy as np
@@ -105,13 +106,14 @@ def test_towers_of_powers_are_not_written_out(text):
     start = time.perf_counter()
     form = to_sympy(parse(text))
     assert time.perf_counter() - start < 5
-    try:
+    with contextlib.suppress(ValueError):
         from_sympy(form)
-    except ValueError:
-        pass
 
 
-@pytest.mark.parametrize("form", [sympy.I, sympy.nan, sympy.oo, sympy.zoo, sympy.Symbol("x"), sympy.gamma(sympy.Symbol("p0", real=True))])
+@pytest.mark.parametrize(
+    "form",
+    [sympy.I, sympy.nan, sympy.oo, sympy.zoo, sympy.Symbol("x"), sympy.gamma(sympy.Symbol("p0", real=True))],
+)
 def test_what_the_grammar_cannot_say_is_refused(form):
     with pytest.raises(ValueError):  # noqa: PT011
         from_sympy(form)

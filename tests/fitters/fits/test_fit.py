@@ -1,4 +1,4 @@
-"""Fits: pure, within bounds, never an exception for a formula that is not finite, and right where truth is known."""
+"""Fits: pure, within bounds, infinite and never an exception where not finite, right where truth is known."""
 
 import subprocess
 import sys
@@ -28,7 +28,7 @@ def fitted(text, problem, bounds=WIDE, settings=None):
 
 
 def test_known_parameters_are_recovered(problem):
-    """From data made with GGX: error below 1e-4 on all cells, parameters within 1 % or what the data determines."""
+    """From data made with GGX: error below 1e-4 on all cells, parameters within 1 %."""
     formula = CATALOGUE["ggx"]
     near = fit(formula.expression, problem.sample, problem.metric, formula.bounds, THOROUGH)
     found = refit(
@@ -72,7 +72,8 @@ from tests.random_expressions import random_features
 n = 1500
 seen = random_features(np.random.default_rng(5), n)
 weights = np.full((2, n), n**-0.5, np.float32)
-cells = Cells(np.arange(n), seen, weights, weights * seen["wh.z"].astype(np.float32) ** np.array([[3], [90]]).astype(np.float32))
+measured = np.stack([seen["wh.z"] ** 3, seen["wh.z"] ** 90]).astype(np.float32)
+cells = Cells(np.arange(n), seen, weights, weights * measured)
 formula = CATALOGUE["genbrdf-metal"]
 print(fit(formula.expression, cells, METRICS["light"], formula.bounds).values.tobytes().hex())
 """
@@ -92,7 +93,7 @@ def test_parameters_stay_within_their_bounds(problem, name):
     """Even bounds that the data does not like; a logarithmic coordinate may round by some last digits."""
     formula = CATALOGUE[name]
     for low, high in ((2.0, 3.0), (1e-3, 2e-3), (0.5, 0.5)):
-        bounds = {parameter: (low, high) for parameter in formula.bounds}
+        bounds = dict.fromkeys(formula.bounds, (low, high))
         found = fit(formula.expression, problem.sample, problem.metric, bounds)
         assert np.all(found.values >= low * (1 - 1e-12))
         assert np.all(found.values <= high * (1 + 1e-12))
@@ -115,7 +116,6 @@ def test_bounds_that_are_not_positive_are_searched_as_they_are(problem, bounds):
         "p0 * p1 / (wi.z - wi.z)",
         "1 / 0",
         "exp(exp(exp(9)))",
-        "pow(p0, 1 / 0)",
         "pow(0 - 1 - wi.z, p0)",
         "sqrt(0 - p0)",
         "tan(p0) / (p0 - p0)",
@@ -149,13 +149,14 @@ def test_no_parameters_at_all(problem):
     assert found.values.shape == (3, 0)
     values = 0.3 * problem.sample.features["wi.z"]
     expected = [
-        np.linalg.norm(w * values - t)
-        for w, t in zip(problem.sample.weights, problem.sample.targets, strict=True)
+        np.linalg.norm(w * values - t) for w, t in zip(problem.sample.weights, problem.sample.targets, strict=True)
     ]
     np.testing.assert_allclose(found.errors, expected, rtol=1e-5)
 
 
-@pytest.mark.parametrize("text", ["p0", "p0 * p1", "p0 + p1", "p0 / p1 + p2", "2 * p0", "max(p0, 1e-05)", "p0 - p0 + p1"])
+@pytest.mark.parametrize(
+    "text", ["p0", "p0 * p1", "p0 + p1", "p0 / p1 + p2", "2 * p0", "max(p0, 1e-05)", "p0 - p0 + p1"]
+)
 def test_a_formula_that_does_not_see_the_cells(problem, text):
     """The best constant c has w c = wy in least squares."""
     found = fitted(text, problem, settings=THOROUGH)
@@ -175,12 +176,15 @@ def test_a_channel_of_zeros(light, make_material):
 
 
 @pytest.mark.parametrize("metric", ["light", "compressive", "light-sum"])
+@pytest.mark.filterwarnings("error")
 def test_a_channel_without_light(light, shiny, metric):
     from fitters.scenes import LightTable
 
     table = light.table.copy()
     table[2] = 0
-    problem = fit_problem([shiny], LightTable(table, (table > 0).any(axis=0), "z" * 32), metric=metric, sample_cells=500, seed=1)
+    problem = fit_problem(
+        [shiny], LightTable(table, (table > 0).any(axis=0), "z" * 32), metric=metric, sample_cells=500, seed=1
+    )
     found = fitted("p0 * wi.z", problem)
     assert np.all(np.isfinite(found.errors))
 

@@ -48,7 +48,9 @@ def test_all_cells_are_taken_where_there_are_no_more(full):
 
 
 def test_the_problem_covers_lit_valid_cells_and_targets_in_order(light, shiny, make_material):
-    problem = fit_problem([shiny, make_material("flat", 1.0, 0.5, 0.1)], light, metric="light", sample_cells=50, seed=1)
+    problem = fit_problem(
+        [shiny, make_material("flat", 1.0, 0.5, 0.1)], light, metric="light", sample_cells=50, seed=1
+    )
     np.testing.assert_array_equal(problem.full.index, np.flatnonzero((light.lit & shiny.valid).ravel()))
     assert problem.targets[:4] == (("shiny", "red"), ("shiny", "green"), ("shiny", "blue"), ("flat", "red"))
     assert problem.full.weights.shape == problem.full.targets.shape == (6, len(problem.full))
