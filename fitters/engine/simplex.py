@@ -222,14 +222,14 @@ def fit_targets(machine, data, starts, settings, best_x, best_value):
                 break
             taken[row] = True
             used += _descend(machine, data, target, starts[row], settings, best_x, best_value, c)
-    for _ in range(settings.rounds if d > 0 else 0):
-        used += _exchange(machine, data, settings, best_x, best_value, c)
+    for rank in range(settings.rounds if d > 0 else 0):
+        used += _exchange(machine, data, settings, rank, best_x, best_value, c)
     return used
 
 
 @njit(**_EXACT)
-def _exchange(machine, data, settings, best_x, best_value, c):
-    """Every target descends once from that optimum of another target which suits it best."""
+def _exchange(machine, data, settings, rank, best_x, best_value, c):
+    """Every target descends once from that optimum of another target which suits it best, or `rank` places after."""
     t = best_value.shape[0]
     found, table, taken = best_x.copy(), np.full((t, t), np.inf), np.zeros(t, np.bool_)
     for row in range(t):
@@ -238,7 +238,12 @@ def _exchange(machine, data, settings, best_x, best_value, c):
     for target in range(t):
         taken[:] = False
         taken[target] = True
-        row = _best_row(table, target, t, taken)
+        row = -1
+        for _ in range(rank + 1):
+            row = _best_row(table, target, t, taken)
+            if row < 0:
+                break
+            taken[row] = True
         if row >= 0:
             used += _descend(machine, data, target, found[row], settings, best_x, best_value, c)
     return used

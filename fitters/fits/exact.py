@@ -40,7 +40,7 @@ def exact_errors(expression: Expression, problem: FitProblem, found: Fit) -> Exa
 
 
 def _rows(problem: FitProblem, metric: Metric, target: int) -> tuple[Array, Array]:
-    """Weights and weighted values (n,) of a target; what the problem does not hold anyway is made for the moment."""
+    """Weights and weighted values (n,) of a target; what the problem does not hold is made for the moment."""
     if metric is problem.metric:
         return problem.full.weights[target], problem.full.targets[target]
     return weighted_target(problem.source, metric, target)

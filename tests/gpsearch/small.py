@@ -1,0 +1,103 @@
+"""A search small enough for a test: one built-in material on few cells, sixteen candidates a generation."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from gpsearch.configuration import Configuration, parse_configuration
+from gpsearch.evolution.plan import plan
+from gpsearch.evolution.search import Search, Standing
+from gpsearch.front import Store
+from workers import Executor
+from workers.local import LocalExecutor
+
+GPSEARCH = str(Path(sys.executable).with_name("gpsearch"))
+PATIENCE_SECONDS = 120
+
+SMALL: dict[str, Any] = {
+    "name": "small",
+    "seed": 5,
+    "materials": ["builtin:metal"],
+    "scene": {"light": "studio", "resolution": 16, "light_rows": 8},
+    "budget": {"generations": 4},
+    "search": {"start": ["phong"], "islands": 2, "island_size": 8, "migrate_every": 2, "max_nodes": 40},
+    "fit": {"cells": 256, "confirm_cells": 1024},
+    "baselines": ["lambert"],
+}
+
+
+def small_text(**changes: Any) -> str:
+    """The YAML of `SMALL` with whole sections replaced or, where they are mappings, updated."""
+    merged = dict(SMALL)
+    for key, value in changes.items():
+        merged[key] = {**merged.get(key, {}), **value} if isinstance(value, dict) else value
+    return yaml.safe_dump(merged, sort_keys=False)
+
+
+def small(folder: Path, **changes: Any) -> Configuration:
+    return parse_configuration(small_text(**changes), source="small.yaml", folder=folder)
+
+
+class Watching:
+    """A watcher that remembers what it was told and calls `then` with every event's name."""
+
+    def __init__(self, then: Callable[[str], None] = lambda event: None) -> None:
+        self.stages: list[tuple[str, int]] = []
+        self.standings: list[Standing] = []
+        self.steps = 0
+        self.then = then
+
+    def stage(self, name: str, total: int) -> None:
+        self.stages.append((name, total))
+        self.then(name)
+
+    def step(self, count: int) -> None:
+        self.steps += count
+        self.then("step")
+
+    def generation(self, standing: Standing) -> None:
+        self.standings.append(standing)
+        self.then(f"stored {standing.generation}")
+
+
+def run_search(
+    folder: Path,
+    configuration: Configuration,
+    watcher: Watching | None = None,
+    executor: Executor | None = None,
+) -> Store:
+    """Runs or goes on with a search in a folder, in this process by default; its store, still open."""
+    store = Store.open(folder) if (folder / "run.sqlite").exists() else Store.create(folder, configuration.text())
+    Search(plan(configuration), store, executor or LocalExecutor(), watcher or Watching()).run()
+    return store
+
+
+def without_times(exported: dict[str, Any] | Path) -> str:
+    """The text of an export, or of the file that holds one, with every measured time set to 0."""
+    if isinstance(exported, Path):
+        exported = json.loads(exported.read_text())
+    copy = json.loads(json.dumps(exported))
+    copy["run"]["seconds"] = 0
+    for entry in copy["front"] + copy["baselines"]:
+        entry["cost_ns"] = 0
+        if "fit_seconds" in entry:
+            entry["fit_seconds"] = 0
+    return json.dumps(copy, indent=1)
+
+
+def gpsearch(*arguments: str | Path, cwd: Path, **options: Any) -> subprocess.CompletedProcess[str]:
+    """The installed command, run to its end, its output captured as text."""
+    return subprocess.run(
+        [GPSEARCH, *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_SECONDS,
+        check=False,
+        **options,
+    )
