@@ -7,22 +7,26 @@ compares with this file by running every one.
 
 import math
 
-from numba import njit
+from numba import carray, cfunc, njit, types
 
 from fitters.engine import math32
 from fitters.engine.graph import ZERO_LOG
-from fitters.engine.math32 import FLAGS, ONE, load, store
+from fitters.engine.math32 import FLAGS, ONE, address_as, load, store
 
-_KERNEL = {"fastmath": FLAGS, "error_model": "numpy", "cache": True}
+MAX_SLOTS = 1 << 20
+"""A bound that views of raw addresses are given; nothing reads so far."""
+
+_LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_CACHED = {"fastmath": FLAGS, "error_model": "numpy", "cache": True}
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _fill_s(x, d, n):
     for i in range(n):
         store(d, i, x)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _add_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -30,14 +34,14 @@ def _add_vv(p, q, d, n):
         store(d, i, x + y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _add_vs(p, y, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, x + y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _sub_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -45,21 +49,21 @@ def _sub_vv(p, q, d, n):
         store(d, i, x - y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _sub_vs(p, y, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, x - y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _sub_sv(x, q, d, n):
     for i in range(n):
         y = load(q, i)
         store(d, i, x - y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _mul_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -67,14 +71,14 @@ def _mul_vv(p, q, d, n):
         store(d, i, x * y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _mul_vs(p, y, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, x * y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _div_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -82,21 +86,21 @@ def _div_vv(p, q, d, n):
         store(d, i, x / y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _div_vs(p, y, d, n):
     r = ONE / y
     for i in range(n):
         store(d, i, load(p, i) * r)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _div_sv(x, q, d, n):
     for i in range(n):
         y = load(q, i)
         store(d, i, x / y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _max_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -104,14 +108,14 @@ def _max_vv(p, q, d, n):
         store(d, i, x if (x > y or x != x) else y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _max_vs(p, y, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, x if (x > y or x != x) else y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _min_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -119,14 +123,14 @@ def _min_vv(p, q, d, n):
         store(d, i, x if (x < y or x != x) else y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _min_vs(p, y, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, x if (x < y or x != x) else y)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _pow_vv(p, q, d, n):
     for i in range(n):
         x = load(p, i)
@@ -134,94 +138,99 @@ def _pow_vv(p, q, d, n):
         store(d, i, math32.power(x, y))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _pow_vs(p, y, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.power(x, y))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _pow_sv(x, q, d, n):
     for i in range(n):
         y = load(q, i)
         store(d, i, math32.power(x, y))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _neg_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, -x)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _sin_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.sin(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _cos_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.cos(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _tan_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.tan(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _exp_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.exp(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _asin_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.asin(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _acos_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.acos(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _atan_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.atan(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _sqrt_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math.sqrt(x))
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _log_v(p, d, n):
     for i in range(n):
         x = load(p, i)
         store(d, i, math32.log(x))
 
 
-@njit(**_KERNEL)
-def run_block(code, slots, scalars, n):
-    """Runs `code` (instructions, 4) over n cells; slots[s] is the address of vector s, scalars are float32."""
-    for k in range(code.shape[0]):
+@cfunc(types.void(types.int64, types.int64, types.int64, types.int64, types.int64), **_CACHED)
+def _kernel(code_address, instructions, slots_address, scalars_address, n):
+    """The dispatch over one block. A C function, called by its address: what calls it cannot inline it, which
+    would make LLVM optimise all these loops again in every caller (a minute instead of seconds).
+    """
+    code = carray(address_as(code_address, types.int32), (instructions, 4))
+    slots = carray(address_as(slots_address, types.int64), (MAX_SLOTS,))
+    scalars = carray(address_as(scalars_address, types.float32), (MAX_SLOTS,))
+    for k in range(instructions):
         opcode = code[k, 0]
         d = slots[code[k, 1]]
         a = code[k, 2]
@@ -284,7 +293,16 @@ def run_block(code, slots, scalars, n):
             _log_v(slots[a], d, n)
 
 
-@njit(**_KERNEL)
+KERNEL: int = _kernel.address
+"""Where the compiled dispatch lies in this process: `math32.call_kernel` calls it from compiled code."""
+
+
+def run_block(code, slots, scalars, n):
+    """Runs `code` (instructions, 4) over n cells; slots[s] is the address of vector s, scalars are float32."""
+    _kernel.ctypes(code.ctypes.data, len(code), slots.ctypes.data, scalars.ctypes.data, n)
+
+
+@njit(**_CACHED)
 def run_scalars(code, registers):
     """Runs `code` (instructions, 4) over the float64 scalar registers."""
     for k in range(code.shape[0]):

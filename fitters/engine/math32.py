@@ -104,6 +104,30 @@ def store(typing_context, base, index, value):
     return types.void(types.int64, types.int64, types.float32), generate
 
 
+@intrinsic
+def address_as(typing_context, address, dtype):
+    """An address as a pointer to values of a numba type."""
+    pointer_type = types.CPointer(dtype.dtype if hasattr(dtype, "dtype") else dtype.instance_type)
+
+    def generate(context, builder, signature, arguments):
+        return builder.inttoptr(arguments[0], context.get_value_type(pointer_type))
+
+    return pointer_type(types.int64, dtype), generate
+
+
+@intrinsic
+def call_kernel(typing_context, kernel, code, instructions, slots, scalars, n):
+    """Calls the C function at the address `kernel` with five integers (see machine.py)."""
+
+    def generate(context, builder, signature, arguments):
+        integer = ir.IntType(64)
+        function = ir.FunctionType(ir.VoidType(), [integer] * 5)
+        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 6), generate
+
+
 ZERO, HALF, ONE, TWO = _F(0), _F(0.5), _F(1), _F(2)
 MINUS_HALF, MINUS_TWO = _F(-0.5), _F(-2)
 NAN, INFINITY, LOG_OF_ZERO = _F(np.nan), _F(np.inf), _F(ZERO_LOG)

@@ -9,7 +9,8 @@ from collections import namedtuple
 import numpy as np
 from numba import njit
 
-from fitters.engine.machine import run_block, run_scalars
+from fitters.engine.machine import run_scalars
+from fitters.engine.math32 import call_kernel
 from fitters.engine.projection import BLOCK, normal_equations, solve_box, sum_of_squares
 
 _EXACT = {"error_model": "numpy", "cache": True}
@@ -17,6 +18,7 @@ _EXACT = {"error_model": "numpy", "cache": True}
 Machine = namedtuple(
     "Machine",
     [
+        "kernel",  # address of the compiled dispatch, `machine.KERNEL`
         "code",  # (instructions, 4) vector code
         "scalar_code",  # (instructions, 4) scalar code
         "registers",  # (s,) float64 scalar registers, the searched parameters first
@@ -55,7 +57,14 @@ def compute(machine, n, x):
     for b in range(0, n, BLOCK):
         for s in range(machine.base.shape[0]):
             machine.slots[s] = machine.base[s] + machine.advance[s] * b
-        run_block(machine.code, machine.slots, machine.scalars, min(BLOCK, n - b))
+        call_kernel(
+            machine.kernel,
+            machine.code.ctypes.data,
+            machine.code.shape[0],
+            machine.slots.ctypes.data,
+            machine.scalars.ctypes.data,
+            min(BLOCK, n - b),
+        )
 
 
 @njit(**_EXACT)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.engine.machine import KERNEL
 from fitters.engine.program import Program, lower
 from fitters.engine.projection import BLOCK
 from fitters.engine.simplex import Data, Descent, Machine, fit_targets, polish_targets
@@ -187,6 +188,7 @@ def _machine(program: Program, base: NDArray[np.int64], advance: NDArray[np.int6
     outputs = np.array([base[slot] if slot >= 0 else 0 for slot in program.outputs], np.int64)
     k = len(program.linear)
     return Machine(
+        kernel=KERNEL,
         code=program.code,
         scalar_code=program.scalar_code,
         registers=program.scalars.copy(),

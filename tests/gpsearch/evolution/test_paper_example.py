@@ -1,0 +1,68 @@
+"""The example of the genBRDF paper's section 3.1: from Phong to a measured Blinn-Phong with n = 80."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sympy
+
+from fitters import grid
+from fitters.expressions import parse
+from fitters.expressions.sympy_form import to_sympy
+from fitters.materials.merl import write_merl
+from tests.gpsearch.small import Watching, run_search, small
+
+PHONG = "pow(max(dot(wr, wo), 0), p0)"
+N = 80
+
+
+class Found(Exception):
+    """The search may stop."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with blinn.binary, (N.H)^80 in all three channels."""
+    folder = tmp_path_factory.mktemp("blinn")
+    w_i, w_o = grid.cell_directions()
+    half = w_i + w_o
+    cosine = half[:, 2] / np.linalg.norm(half, axis=1)
+    valid = grid.above_horizon()
+    table = np.where(valid.ravel(), cosine**N, 0.0).reshape(grid.SHAPE)
+    write_merl(folder / "blinn.binary", np.stack([table] * 3), valid)
+    return folder
+
+
+@pytest.mark.parametrize("seed", [3, 4, 6])
+def test_blinn_phong_is_found_from_phong(folder, tmp_path, seed):
+    configuration = small(
+        folder,
+        seed=seed,
+        materials=["blinn.binary"],
+        scene={"resolution": 32, "light_rows": 16},
+        budget={"generations": 40},
+        search={
+            "start": [PHONG],
+            "codebank": [PHONG],
+            "islands": 2,
+            "island_size": 32,
+            "parameters": 1,
+            "max_nodes": 20,
+            "migrate_every": 5,
+        },
+        fit={"cells": 512, "confirm_cells": 2048},
+        baselines=[],
+    )
+
+    def stop_when_found(event: str) -> None:
+        if event.startswith("stored") and watcher.standings[-1].front.members[-1].error < 1e-4:
+            raise Found
+
+    watcher = Watching(stop_when_found)
+    with pytest.raises(Found):
+        run_search(tmp_path / "run", configuration, watcher)
+    found = watcher.standings[-1].front.members[-1]
+    cosine, n = sympy.Symbol("N.H", positive=True), sympy.Symbol("p0", real=True)
+    form = to_sympy(parse(found.expression)).subs(sympy.Symbol("wh.z", real=True), cosine)
+    assert sympy.simplify(form - cosine**n) == 0
+    np.testing.assert_allclose(found.fit.values, N, rtol=1e-5)

@@ -1,0 +1,259 @@
+"""The run's SQLite file: it holds all to the last bit, and refuses with one sentence what it cannot hold."""
+
+import os
+import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fitters.fits import Description, Fit
+from fitters.fits.checks import Checks
+from gpsearch.errors import GpsearchError
+from gpsearch.evolution.island import Individual, Island
+from gpsearch.front import Front, Member, Store
+from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
+
+FLOATS = st.floats(0, allow_nan=False)
+EDITS = (Swap("a.0", "a.1"), Insert("a.0", "p0 / pi", "b"), Replace("b.1", "p1"), Delete("b.2", "c"))
+GENOME = Genome("p0 * wh.z", EDITS)
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    made = Store.create(tmp_path / "run", "name: x\n")
+    yield made
+    made.close()
+
+
+def again(store: Store) -> Store:
+    """What another process would read."""
+    return Store.open(store.path.parent)
+
+
+def fit(error: float, values: list[list[float]]) -> Fit:
+    names = tuple(f"p{i}" for i in range(len(values[0])))
+    return Fit(names, np.array(values).reshape(3, len(names)), np.full(3, error), error, 17)
+
+
+def same(one: Fit, other: Fit) -> bool:
+    return (
+        (one.names, one.error, one.evaluations) == (other.names, other.error, other.evaluations)
+        and one.values.shape == other.values.shape
+        and one.values.tobytes() == other.values.tobytes()
+        and one.errors.tobytes() == other.errors.tobytes()
+    )
+
+
+def test_a_new_store_is_empty(store):
+    read = again(store)
+    assert read.configuration == "name: x\n"
+    assert (read.islands(), read.errors(), read.seen(), read.front().members) == ((), {}, set(), ())
+    assert (read.totals(), read.seconds, read.events(), read.baselines()) == ((0, 0, 0), 0.0, [], {})
+
+
+@settings(deadline=None, max_examples=30)
+@given(errors=st.lists(FLOATS, min_size=1, max_size=5))
+def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
+    store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
+    population = tuple(Individual(GENOME, f"p{i}", 1, error) for i, error in enumerate(errors))
+    islands = (Island(0, 3, population), Island(1, 3, population[::-1]))
+    with store.transaction():
+        store.save_islands(islands)
+        store.save_errors({individual.expression: individual.error for individual in population}, 3)
+    read = again(store)
+    assert read.islands() == islands
+    assert read.errors() == {f"p{i}": error for i, error in enumerate(errors)}
+    read.close()
+    store.close()
+
+
+@settings(deadline=None, max_examples=30)
+@given(error=st.floats(0, 1), screened=FLOATS, values=st.lists(st.floats(allow_nan=False), min_size=3, max_size=3))
+def test_the_front_and_its_descriptions_come_back_to_the_last_bit(tmp_path_factory, error, screened, values):
+    store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
+    member = Member("p0", 1, GENOME, 2, 7, fit(error, [[v] for v in values]), screened)
+    described = Description(fit(error, [[v] for v in values]), {"light": error, "other": inf}, Checks(0, -1e300, inf), 0.1)
+    with store.transaction():
+        store.save_front(Front((member,)))
+        store.save_description("p0", described)
+        store.save_baseline("lambert", described, 0.3)
+    read = again(store)
+    (found,) = read.front().members
+    assert (found.genome, found.island, found.generation, found.screened) == (GENOME, 2, 7, screened)
+    assert same(found.fit, member.fit)
+    for description in (read.descriptions()["p0"], read.baselines()["lambert"][0]):
+        assert same(description.fit, described.fit)
+        assert (description.metrics, description.checks) == (described.metrics, described.checks)
+        assert description.cost_ns == 0.1
+    read.close()
+    store.close()
+
+
+def test_a_fit_without_parameters_comes_back(store):
+    member = Member("1 / pi", 3, GENOME, 0, 1, Fit((), np.empty((3, 0)), np.full(3, 0.5), 0.5, 3), 0.5)
+    with store.transaction():
+        store.save_front(Front((member,)))
+    assert same(again(store).front().members[0].fit, member.fit)
+
+
+def test_members_that_leave_take_their_descriptions_along_and_others_keep_theirs(store):
+    a, b = (Member(name, i + 1, GENOME, 0, 1, fit(0.5 - 0.1 * i, [[1.0]] * 3), 0.5) for i, name in enumerate("ab"))
+    with store.transaction():
+        store.save_front(Front((a, b)))
+        for name in "ab":
+            store.save_description(name, Description(a.fit, {}, Checks(0, 0, 0), 1.0))
+        store.save_front(Front((b,)))
+    assert [m.expression for m in again(store).front().members] == ["b"]
+    assert set(again(store).descriptions()) == {"b"}
+
+
+def test_expressions_are_seen_once_their_generation_is_whole(store):
+    with store.transaction():
+        store.save_errors({"p0": 0.5, "p1": inf}, None)
+    assert again(store).errors() == {"p0": 0.5, "p1": inf}
+    assert again(store).seen() == set()
+    with store.transaction():
+        store.save_errors({"p0": 0.5}, 4)
+        store.save_errors({"p0": 0.5}, None)
+    assert again(store).seen() == {"p0"}
+
+
+def test_a_transaction_that_fails_leaves_nothing_behind(store):
+    with pytest.raises(KeyboardInterrupt), store.transaction():
+        store.save_seconds(12.0)
+        store.log("launch", "x")
+        raise KeyboardInterrupt
+    assert (again(store).seconds, again(store).events()) == (0.0, [])
+
+
+def test_others_read_while_one_writes(store):
+    with store.transaction():
+        store.save_seconds(1.0)
+    reader = again(store)
+    with store.transaction():
+        store.save_seconds(2.0)
+        assert reader.seconds == 1.0
+    assert reader.seconds == 2.0
+
+
+def test_events_and_totals_add_up(store):
+    with store.transaction():
+        store.save_generation(1, 16, 12, 0.5, 1.0)
+        store.save_generation(2, 16, 10, 0.4, 1.0)
+        store.log("launch", "here")
+        store.log("end", "generations")
+    assert again(store).totals() == (2, 32, 22)
+    assert [(kind, detail) for _, kind, detail in again(store).events()] == [
+        ("launch", "here"),
+        ("end", "generations"),
+    ]
+
+
+def test_a_generation_that_another_process_has_stored_is_noticed(store):
+    store.require_generation(0)
+    with store.transaction():
+        store.save_generation(1, 16, 12, 0.5, 1.0)
+    store.require_generation(1)
+    with pytest.raises(GpsearchError, match="another gpsearch runs here"):
+        store.require_generation(0)
+
+
+def test_no_run_is_refused(tmp_path):
+    with pytest.raises(GpsearchError, match=r"no run here \(run.sqlite is missing\); `gpsearch launch` makes one"):
+        Store.open(tmp_path)
+    with pytest.raises(GpsearchError, match="no run here"):
+        Store.open(tmp_path / "missing")
+
+
+@pytest.mark.parametrize("content", [b"", b"not a database, but long enough to look like one" * 40])
+def test_a_foreign_file_is_refused_and_left_alone(tmp_path, content):
+    (tmp_path / "run.sqlite").write_bytes(content)
+    with pytest.raises(GpsearchError, match=r"not a readable run \(.*\)"):
+        Store.open(tmp_path)
+    if content:
+        assert (tmp_path / "run.sqlite").read_bytes() == content
+
+
+def test_a_damaged_file_is_refused(store, tmp_path):
+    folder = store.path.parent
+    store.close()
+    content = bytearray((folder / "run.sqlite").read_bytes())
+    content[4096:] = b"\xa5" * (len(content) - 4096)
+    (folder / "run.sqlite").write_bytes(content)
+    with pytest.raises(GpsearchError, match="not a readable run"):
+        Store.open(folder)
+
+
+def test_another_programs_database_is_refused(tmp_path):
+    connection = sqlite3.connect(tmp_path / "run.sqlite")
+    connection.execute("CREATE TABLE meta (key TEXT, value TEXT)")
+    connection.execute("CREATE TABLE cats (name TEXT)")
+    connection.commit()
+    connection.close()
+    with pytest.raises(GpsearchError, match="schema version is none"):
+        Store.open(tmp_path)
+
+
+@pytest.mark.parametrize("version", ["2", "0", "one"])
+def test_another_schema_version_is_refused(store, version):
+    with store.transaction():
+        store.set_meta("schema", version)
+    with pytest.raises(GpsearchError, match=f"its schema version is {version}, this gpsearch reads 1"):
+        again(store)
+
+
+def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
+    """Killed while it makes its tables, a run has no store, and the next launch makes one."""
+
+    def killed(self: Path, target: Path) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Path, "rename", killed)
+        Store.create(tmp_path, "")
+    assert not (tmp_path / "run.sqlite").exists()
+    Store.create(tmp_path, "again").close()
+    assert Store.open(tmp_path).configuration == "again"
+
+
+@contextmanager
+def as_nobody() -> Iterator[None]:
+    """Without root's right to write everywhere."""
+    user = os.geteuid()
+    if user == 0:
+        os.seteuid(65534)
+    try:
+        yield
+    finally:
+        os.seteuid(user)
+
+
+def read_only(folder: Path) -> None:
+    folder.chmod(0o555)
+    for above in folder.parents:
+        if above.stat().st_uid == os.geteuid() and above != Path("/tmp"):
+            above.chmod(above.stat().st_mode | 0o011)
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
+    read_only(tmp_path)
+    with as_nobody(), pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"):
+        Store.create(tmp_path / "run", "")
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / "run").touch()
+    with pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"):
+        Store.create(tmp_path / "run", "")
+
+
+def test_writing_into_a_store_that_may_only_be_read_fails_in_one_sentence(store):
+    store._connection.execute("PRAGMA query_only = ON")
+    with pytest.raises(GpsearchError, match="cannot be written .* the last whole generation is safe"), store.transaction():
+        store.save_seconds(1.0)
