@@ -7,85 +7,114 @@ of the box is clipped to it. The objective is the sum of squares of `projection.
 from collections import namedtuple
 
 import numpy as np
-from numba import njit
+from numba import carray, njit, types
 
 from fitters.engine.machine import run_scalars
-from fitters.engine.math32 import call_kernel
+from fitters.engine.math32 import address_as, call_kernel
 from fitters.engine.projection import BLOCK, normal_equations, solve_box, sum_of_squares
 
 _EXACT = {"error_model": "numpy", "cache": True}
 
-Machine = namedtuple(
-    "Machine",
+MACHINE = np.dtype(
     [
-        "kernel",  # address of the compiled dispatch, `machine.KERNEL`
-        "code",  # (instructions, 4) vector code
-        "scalar_code",  # (instructions, 4) scalar code
-        "registers",  # (s,) float64 scalar registers, the searched parameters first
-        "scalars",  # (s,) float32 copy that vector code reads
-        "base",  # (slots,) int64 addresses of the vectors
-        "advance",  # (slots,) bytes per cell that an address advances: 4, or 0 for temporaries
-        "slots",  # (slots,) int64 addresses at the current block
-        "outputs",  # (1 + k,) int64 addresses of the outputs, 0 for no offset
-        "logarithmic",  # (d,) bool: the coordinate is the parameter's logarithm
-        "low",  # (d,) lower bound in coordinates
-        "high",  # (d,) upper bound in coordinates
-        "linear_low",  # (k,)
-        "linear_high",  # (k,)
-        "scratch",  # (BLOCK,) float32
-        "gram",  # (k, k)
-        "right",  # (k,)
+        ("kernel", np.int64),  # address of the compiled dispatch, `machine.KERNEL`
+        ("code", np.int64),  # int32 (instructions, 4)
+        ("instructions", np.int64),
+        ("scalar_code", np.int64),  # int32 (scalar_instructions, 4)
+        ("scalar_instructions", np.int64),
+        ("registers", np.int64),  # float64 (registers_count,), the searched parameters first
+        ("scalars", np.int64),  # float32 copy that vector code reads
+        ("registers_count", np.int64),
+        ("base", np.int64),  # int64 (slots_count,) addresses of the vectors
+        ("advance", np.int64),  # int64 (slots_count,) bytes per cell: 4, or 0 for temporaries
+        ("slots", np.int64),  # int64 (slots_count,) addresses at the current block
+        ("slots_count", np.int64),
+        ("outputs", np.int64),  # int64 (1 + linear,) addresses of the outputs, 0 for no offset
+        ("searched", np.int64),  # how many parameters a simplex varies
+        ("linear", np.int64),  # how many are solved in closed form
+        ("logarithmic", np.int64),  # float64 (searched,), 1 where the coordinate is a logarithm
+        ("box", np.int64),  # float64 (2, searched), lower and upper bounds in coordinates
+        ("linear_box", np.int64),  # float64 (2, linear)
+        ("normal", np.int64),  # float64 (linear + 1, linear): Gram matrix, then right side
+        ("scratch", np.int64),  # float32 (BLOCK,)
+        ("weights", np.int64),  # int64 (targets,) addresses of float32 (cells,)
+        ("weighted", np.int64),  # int64 (targets,) addresses of weights times measured values
+        ("cells", np.int64),
     ],
+    align=True,
 )
-"""Everything that one expression on one set of cells needs: arrays only, so that numba takes it as it is."""
+"""Everything that one expression on one set of cells needs: counts, and addresses of arrays.
+
+One record is one argument. As a tuple of arrays it was some hundred, at every call, which cost most of a minute
+to compile.
+"""
 
 Descent = namedtuple("Descent", ["restarts", "rounds", "step", "limit", "tolerance"])
 """Descents per target, rounds of exchange, the first simplex's extent, evaluations and tolerance of a descent."""
 
-Data = namedtuple("Data", ["weights", "targets", "n"])
-"""Addresses (t,) of the weights and the weighted targets, and the number of cells."""
+
+@njit(**_EXACT)
+def _reals(address, *shape):
+    return carray(address_as(address, types.float64), shape)
 
 
 @njit(**_EXACT)
-def compute(machine, n, x):
-    """Runs the program at coordinates x (d,) over n cells; the outputs then hold offset and coefficients."""
+def _integers(address, count):
+    return carray(address_as(address, types.int64), (count,))
+
+
+@njit(**_EXACT)
+def compute(machine, x):
+    """Runs the program at coordinates x (searched,); the outputs then hold offset and coefficients."""
+    registers = _reals(machine.registers, machine.registers_count)
+    logarithmic = _reals(machine.logarithmic, machine.searched)
     for i in range(x.shape[0]):
-        machine.registers[i] = np.exp(x[i]) if machine.logarithmic[i] else x[i]
-    run_scalars(machine.scalar_code, machine.registers)
-    for i in range(machine.registers.shape[0]):
-        machine.scalars[i] = machine.registers[i]
-    for b in range(0, n, BLOCK):
-        for s in range(machine.base.shape[0]):
-            machine.slots[s] = machine.base[s] + machine.advance[s] * b
-        call_kernel(
-            machine.kernel,
-            machine.code.ctypes.data,
-            machine.code.shape[0],
-            machine.slots.ctypes.data,
-            machine.scalars.ctypes.data,
-            min(BLOCK, n - b),
-        )
+        registers[i] = np.exp(x[i]) if logarithmic[i] > 0.0 else x[i]
+    run_scalars(carray(address_as(machine.scalar_code, types.int32), (machine.scalar_instructions, 4)), registers)
+    scalars = carray(address_as(machine.scalars, types.float32), (machine.registers_count,))
+    for i in range(machine.registers_count):
+        scalars[i] = registers[i]
+    base, advance = _integers(machine.base, machine.slots_count), _integers(machine.advance, machine.slots_count)
+    slots = _integers(machine.slots, machine.slots_count)
+    for b in range(0, machine.cells, BLOCK):
+        for s in range(machine.slots_count):
+            slots[s] = base[s] + advance[s] * b
+        n = min(BLOCK, machine.cells - b)
+        call_kernel(machine.kernel, machine.code, machine.instructions, machine.slots, machine.scalars, n)
 
 
 @njit(**_EXACT)
-def project(machine, data, target, c):
-    """The best linear coefficients c (k,) for the outputs as they stand, and their sum of squares."""
-    w, wy = data.weights[target], data.targets[target]
-    if c.shape[0] > 0:
-        normal_equations(machine.outputs, w, wy, data.n, machine.gram, machine.right)
-        if not solve_box(machine.gram, machine.right, machine.linear_low, machine.linear_high, c):
+def project(machine, target, c):
+    """The best linear coefficients c (linear,) for the outputs as they stand, and their sum of squares."""
+    k = c.shape[0]
+    w = _integers(machine.weights, target + 1)[target]
+    wy = _integers(machine.weighted, target + 1)[target]
+    outputs = _integers(machine.outputs, k + 1)
+    if k > 0:
+        normal, box = _reals(machine.normal, k + 1, k), _reals(machine.linear_box, 2, k)
+        normal_equations(outputs, w, wy, machine.cells, normal[:k], normal[k])
+        if not solve_box(normal[:k], normal[k], box[0], box[1], c):
             return np.inf
-    value = sum_of_squares(machine.outputs, c, w, wy, data.n, machine.scratch)
+    scratch = carray(address_as(machine.scratch, types.float32), (BLOCK,))
+    value = sum_of_squares(outputs, c, w, wy, machine.cells, scratch)
     return value if np.isfinite(value) else np.inf
 
 
 @njit(**_EXACT)
-def objective(machine, data, target, x, c):
+def objective(machine, target, x, c):
     """The sum of squares of a target at coordinates x, which are clipped into the box in place."""
+    box = _reals(machine.box, 2, machine.searched)
     for i in range(x.shape[0]):
-        x[i] = min(max(x[i], machine.low[i]), machine.high[i])
-    compute(machine, data.n, x)
-    return project(machine, data, target, c)
+        x[i] = min(max(x[i], box[0, i]), box[1, i])
+    compute(machine, x)
+    return project(machine, target, c)
+
+
+@njit(**_EXACT)
+def _copy(target, source):
+    """target = source, rows of equal length; a loop compiles ten times faster than a general assignment."""
+    for i in range(source.shape[0]):
+        target[i] = source[i]
 
 
 @njit(**_EXACT)
@@ -114,19 +143,22 @@ def _converged(points, values, tolerance):
 
 
 @njit(**_EXACT)
-def nelder_mead(machine, data, target, x, step, limit, tolerance, c):
+def nelder_mead(machine, target, x, step, limit, tolerance, c):
     """Minimises from x (d,) in place, within `limit` evaluations (Nelder and Mead 1965, standard coefficients).
 
     Returns the sum of squares and the evaluations used.
     """
     d = x.shape[0]
+    box = _reals(machine.box, 2, d)
     points, values = np.empty((d + 1, d)), np.empty(d + 1)
     for i in range(d + 1):
-        points[i] = x
+        _copy(points[i], x)
         if i > 0:
-            up = x[i - 1] + step <= machine.high[i - 1]
-            points[i, i - 1] = x[i - 1] + step if up else x[i - 1] - step
-        values[i] = objective(machine, data, target, points[i], c)
+            # A box narrower than the step gets a simplex that fits into it.
+            extent = min(step, 0.5 * (box[1, i - 1] - box[0, i - 1]))
+            up = x[i - 1] + extent <= box[1, i - 1]
+            points[i, i - 1] = x[i - 1] + extent if up else x[i - 1] - extent
+        values[i] = objective(machine, target, points[i], c)
     used = d + 1
     centre, trial, second = np.empty(d), np.empty(d), np.empty(d)
     while d > 0:
@@ -138,55 +170,56 @@ def nelder_mead(machine, data, target, x, step, limit, tolerance, c):
             for i in range(d):
                 centre[q] += points[i, q] / d
             trial[q] = 2.0 * centre[q] - points[d, q]
-        value = objective(machine, data, target, trial, c)
+        value = objective(machine, target, trial, c)
         used += 1
         if value < values[0]:
             for q in range(d):
                 second[q] = 3.0 * centre[q] - 2.0 * points[d, q]
-            expanded = objective(machine, data, target, second, c)
+            expanded = objective(machine, target, second, c)
             used += 1
             if expanded < value:
-                points[d], values[d] = second, expanded
-            else:
-                points[d], values[d] = trial, value
-            continue
+                value = expanded
+                _copy(trial, second)
         if value < values[d - 1]:
-            points[d], values[d] = trial, value
+            values[d] = value
+            _copy(points[d], trial)
             continue
         outside = value < values[d]
         for q in range(d):
             other = 1.5 * centre[q] - 0.5 * points[d, q] if outside else 0.5 * (centre[q] + points[d, q])
             second[q] = other
-        contracted = objective(machine, data, target, second, c)
+        contracted = objective(machine, target, second, c)
         used += 1
         if contracted < min(value, values[d]):
-            points[d], values[d] = second, contracted
+            values[d] = contracted
+            _copy(points[d], second)
             continue
         for i in range(1, d + 1):
             for q in range(d):
                 points[i, q] = 0.5 * (points[0, q] + points[i, q])
-            values[i] = objective(machine, data, target, points[i], c)
+            values[i] = objective(machine, target, points[i], c)
         used += d
-    x[:] = points[0]
+    _copy(x, points[0])
     return values[0], used
 
 
 @njit(**_EXACT)
-def _table_row(machine, data, x, row, c):
+def _table_row(machine, x, row, c):
     """The sums of squares of all targets at coordinates x, for one run of the program."""
-    compute(machine, data.n, x)
+    compute(machine, x)
     for target in range(row.shape[0]):
-        row[target] = project(machine, data, target, c)
+        row[target] = project(machine, target, c)
 
 
 @njit(**_EXACT)
-def _descend(machine, data, target, start, settings, best_x, best_value, c):
+def _descend(machine, target, start, settings, best_x, best_value, c):
     """One descent from a start; keeps the result where it is the target's best. Returns the evaluations."""
-    x = start.copy()
-    value, used = nelder_mead(machine, data, target, x, settings.step, settings.limit, settings.tolerance, c)
+    x = np.empty(start.shape[0])
+    _copy(x, start)
+    value, used = nelder_mead(machine, target, x, settings.step, settings.limit, settings.tolerance, c)
     if value < best_value[target]:
         best_value[target] = value
-        best_x[target] = x
+        _copy(best_x[target], x)
     return used
 
 
@@ -201,7 +234,7 @@ def _best_row(table, target, count, taken):
 
 
 @njit(**_EXACT)
-def fit_targets(machine, data, starts, settings, best_x, best_value):
+def fit_targets(machine, starts, settings, best_x, best_value):
     """Fits every target from shared starts (s, d); fills best_x (t, d) and best_value (t,).
 
     All starts are evaluated once for all targets, since only the closed-form part differs between them. A
@@ -211,16 +244,15 @@ def fit_targets(machine, data, starts, settings, best_x, best_value):
     """
     s, d = starts.shape
     t = best_value.shape[0]
-    table, c = np.full((s, t), np.inf), np.zeros(machine.right.shape[0])
+    table, c = np.empty((s, t)), np.zeros(machine.linear)
     for i in range(s):
-        _table_row(machine, data, starts[i], table[i], c)
+        _table_row(machine, starts[i], table[i], c)
     used = s
-    best_value[:] = np.inf
-    best_x[:] = starts[0]
-    taken = np.zeros(s, np.bool_)
     following = 0
     for target in range(t):
-        taken[:] = False
+        best_value[target] = np.inf
+        _copy(best_x[target], starts[0])
+        taken = np.zeros(s, np.bool_)
         for restart in range(min(settings.restarts, s)):
             row = _best_row(table, target, s, taken)
             if row >= 0 and restart > 0:
@@ -230,22 +262,23 @@ def fit_targets(machine, data, starts, settings, best_x, best_value):
             if row < 0:
                 break
             taken[row] = True
-            used += _descend(machine, data, target, starts[row], settings, best_x, best_value, c)
+            used += _descend(machine, target, starts[row], settings, best_x, best_value, c)
     for rank in range(settings.rounds if d > 0 else 0):
-        used += _exchange(machine, data, settings, rank, best_x, best_value, c)
+        used += _exchange(machine, settings, rank, best_x, best_value, c)
     return used
 
 
 @njit(**_EXACT)
-def _exchange(machine, data, settings, rank, best_x, best_value, c):
-    """Every target descends once from that optimum of another target which suits it best, or `rank` places after."""
+def _exchange(machine, settings, rank, best_x, best_value, c):
+    """Every target descends once from the optimum of another that suits it best, or `rank` places after."""
     t = best_value.shape[0]
-    found, table, taken = best_x.copy(), np.full((t, t), np.inf), np.zeros(t, np.bool_)
+    found, table = np.empty(best_x.shape), np.empty((t, t))
     for row in range(t):
-        _table_row(machine, data, found[row], table[row], c)
+        _copy(found[row], best_x[row])
+        _table_row(machine, found[row], table[row], c)
     used = t
     for target in range(t):
-        taken[:] = False
+        taken = np.zeros(t, np.bool_)
         taken[target] = True
         row = -1
         for _ in range(rank + 1):
@@ -254,20 +287,19 @@ def _exchange(machine, data, settings, rank, best_x, best_value, c):
                 break
             taken[row] = True
         if row >= 0:
-            used += _descend(machine, data, target, found[row], settings, best_x, best_value, c)
+            used += _descend(machine, target, found[row], settings, best_x, best_value, c)
     return used
 
 
 @njit(**_EXACT)
-def polish_targets(machine, data, settings, best_x, best_value, best_c):
+def polish_targets(machine, settings, best_x, best_value, best_c):
     """Descends once more from each target's best (t, d) with a small fresh simplex; fills best_c (t, k) too."""
     used = 0
     x = np.empty(best_x.shape[1])
     for target in range(best_value.shape[0]):
-        x[:] = best_x[target]
+        _copy(x, best_x[target])
         value, evaluations = nelder_mead(
             machine,
-            data,
             target,
             x,
             0.2 * settings.step,
@@ -277,6 +309,6 @@ def polish_targets(machine, data, settings, best_x, best_value, best_c):
         )
         used += evaluations
         if not value > best_value[target]:
-            best_x[target] = x
-        best_value[target] = objective(machine, data, target, best_x[target], best_c[target])
+            _copy(best_x[target], x)
+        best_value[target] = objective(machine, target, best_x[target], best_c[target])
     return used

@@ -10,10 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fitters.engine.machine import KERNEL
-from fitters.engine.program import Program, lower
-from fitters.engine.projection import BLOCK
-from fitters.engine.simplex import Data, Descent, Machine, fit_targets, polish_targets
+from fitters.engine.prepared import Prepared
+from fitters.engine.simplex import Descent
 from fitters.errors import FittersError
 from fitters.expressions import Expression, to_text
 from fitters.fits.metrics import Metric
@@ -79,6 +77,11 @@ class Fit:
     error: float
     evaluations: int
 
+    @property
+    def columns(self) -> dict[str, NDArray[np.float64]]:
+        """The parameters over all targets, each (targets,)."""
+        return dict(zip(self.names, self.values.T, strict=True))
+
     def parameters(self, target: int) -> dict[str, float]:
         return dict(zip(self.names, map(float, self.values[target]), strict=True))
 
@@ -99,14 +102,14 @@ def fit(
     not finite: its error is infinite.
     """
     settings = settings or FitSettings()
-    problem = _Prepared(expression, cells, bounds)
-    starts = _starts(expression, problem.machine.low, problem.machine.high, settings.starts)
+    problem = _prepared(expression, cells, bounds)
+    starts = _starts(expression, problem.low, problem.high, settings.starts)
     if near is not None:
-        starts = np.concatenate([problem.coordinates(near), starts])
+        starts = np.concatenate([problem.coordinates(near.columns), starts])
     x, value = np.zeros((len(cells.weights), starts.shape[1])), np.full(len(cells.weights), np.inf)
     descent = settings.descent(starts.shape[1])
-    used = fit_targets(problem.machine, problem.data, starts, descent, x, value)
-    return problem.finish(metric, settings, x, value, used)
+    used = problem.fit(starts, descent, x, value)
+    return _finished(problem, metric, settings, x, value, used)
 
 
 def refit(
@@ -123,89 +126,27 @@ def refit(
 
     `evaluations` per searched parameter; with 0 only the linear parameters are solved anew.
     """
-    problem = _Prepared(expression, cells, bounds)
-    x, value = problem.coordinates(near), np.full(len(cells.weights), np.inf)
-    return problem.finish(metric, replace(settings, evaluations=evaluations), x, value, 0)
+    problem = _prepared(expression, cells, bounds)
+    x, value = problem.coordinates(near.columns), np.full(len(cells.weights), np.inf)
+    return _finished(problem, metric, replace(settings, evaluations=evaluations), x, value, 0)
 
 
-class _Prepared:
-    """An expression lowered, its vectors laid out for some cells; keeps alive what the addresses point to."""
-
-    def __init__(self, expression: Expression, cells: Cells, bounds: Bounds) -> None:
-        missing = [name for name in expression.parameters if name not in bounds]
-        if missing:
-            raise FittersError(f"no bounds for {', '.join(missing)} of {to_text(expression)}")
-        self.program = program = lower(expression)
-        self.cells = cells
-        n = len(cells)
-        self.inputs = program.input_vectors(cells.features)
-        written = program.persistent - len(program.inputs)
-        self.written = np.empty((max(written, 1), n), np.float32)
-        self.temporaries = np.empty((max(program.temporaries, 1), BLOCK), np.float32)
-        base = [*_rows(self.inputs, len(program.inputs)), *_rows(self.written, written)]
-        advance = [4] * len(base) + [0] * program.temporaries
-        base += _rows(self.temporaries, program.temporaries)
-        self.machine = _machine(program, np.array(base, np.int64), np.array(advance, np.int64), bounds)
-        self.data = Data(
-            np.array(_rows(cells.weights, len(cells.weights)), np.int64),
-            np.array(_rows(cells.targets, len(cells.targets)), np.int64),
-            n,
-        )
-
-    def coordinates(self, found: Fit) -> NDArray[np.float64]:
-        """The simplex coordinates (targets, searched) of a fit's parameters."""
-        columns = [found.names.index(name) for name in self.program.searched]
-        x = found.values[:, columns].copy()
-        logarithmic = self.machine.logarithmic
-        x[:, logarithmic] = np.log(np.maximum(x[:, logarithmic], 1e-300))
-        return np.clip(np.nan_to_num(x), self.machine.low, self.machine.high)
-
-    def finish(self, metric: Metric, settings: FitSettings, x: NDArray, value: NDArray, used: int) -> Fit:
-        """Polishes every target's best and states the fit in the expression's own parameters."""
-        c = np.zeros((len(value), len(self.program.linear)))
-        used += polish_targets(self.machine, self.data, settings.descent(x.shape[1]), x, value, c)
-        p = np.where(self.machine.logarithmic, np.exp(x), x)
-        solved = dict(zip(self.program.searched, p.T, strict=True)) | dict(
-            zip(self.program.linear, c.T, strict=True)
-        )
-        names = tuple(sorted(solved, key=lambda name: int(name[1:])))
-        values = np.stack([solved[name] for name in names], axis=1) if names else np.empty((len(value), 0))
-        errors = np.sqrt(value)
-        return Fit(names, values, errors, metric.combine(errors), int(used))
+def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
+    missing = [name for name in expression.parameters if name not in bounds]
+    if missing:
+        raise FittersError(f"no bounds for {', '.join(missing)} of {to_text(expression)}")
+    return Prepared(expression, cells.features, cells.weights, cells.targets, bounds)
 
 
-def _rows(array: NDArray, count: int) -> list[int]:
-    """Addresses of the first `count` rows of a contiguous array."""
-    return [array.ctypes.data + row * array.strides[0] for row in range(count)]
-
-
-def _machine(program: Program, base: NDArray[np.int64], advance: NDArray[np.int64], bounds: Bounds) -> Machine:
-    low = np.array([bounds[name][0] for name in program.searched], np.float64)
-    high = np.array([bounds[name][1] for name in program.searched], np.float64)
-    logarithmic = low > 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        low, high = np.where(logarithmic, np.log(low), low), np.where(logarithmic, np.log(high), high)
-    outputs = np.array([base[slot] if slot >= 0 else 0 for slot in program.outputs], np.int64)
-    k = len(program.linear)
-    return Machine(
-        kernel=KERNEL,
-        code=program.code,
-        scalar_code=program.scalar_code,
-        registers=program.scalars.copy(),
-        scalars=np.zeros(len(program.scalars), np.float32),
-        base=base,
-        advance=advance,
-        slots=np.zeros(len(base), np.int64),
-        outputs=outputs,
-        logarithmic=logarithmic,
-        low=low,
-        high=high,
-        linear_low=np.array([bounds[name][0] for name in program.linear], np.float64),
-        linear_high=np.array([bounds[name][1] for name in program.linear], np.float64),
-        scratch=np.empty(BLOCK, np.float32),
-        gram=np.zeros((k, k)),
-        right=np.zeros(k),
-    )
+def _finished(
+    problem: Prepared, metric: Metric, settings: FitSettings, x: NDArray, value: NDArray, used: int
+) -> Fit:
+    """Polishes every target's best and states the fit in the expression's own parameters."""
+    c, evaluations = problem.polish(settings.descent(problem.searched), x, value)
+    parameters = problem.parameters(x, c)
+    values = np.stack(list(parameters.values()), axis=1) if parameters else np.empty((len(value), 0))
+    errors = np.sqrt(value)
+    return Fit(tuple(parameters), np.asarray(values, np.float64), errors, metric.combine(errors), used + evaluations)
 
 
 def _starts(expression: Expression, low: Array, high: Array, count: int) -> Array:

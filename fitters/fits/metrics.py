@@ -29,11 +29,12 @@ class Metric:
     def scale(self, weights: Array, measured: Array) -> float:
         """s, by which the residual of a target is divided: || w m ||, or 1 where the metric is a plain sum.
 
-        For a measurement that is zero wherever there is light, || w ||: the error is then in sr^-1.
+        For a measurement that is zero wherever there is light, || w ||: the error is then in sr^-1. For a channel
+        without light 1: its error is 0 whatever the formula.
         """
         if not self.normalised:
             return 1.0
-        return float(np.linalg.norm(weights * measured) or np.linalg.norm(weights))
+        return float(np.linalg.norm(weights * measured) or np.linalg.norm(weights) or 1.0)
 
     def combine(self, errors: Array) -> float:
         """One number for the errors (targets,): their root mean square, or L2 norm where unnormalised."""

@@ -112,6 +112,9 @@ def fit_problem(
     index = np.flatnonzero((light.lit & valid).ravel())
     if not len(index):
         raise FittersError("the scene lights no cell in which a material was measured: choose another light")
+    for material in materials:
+        if not np.any(material.valid.ravel()[index]):
+            raise FittersError(f"{material.name}: the scene lights none of its cells; choose another light")
     source = Source(tuple(materials), light, index)
     full = full_cells(source, METRICS[metric])
     key = cache.digest(metric, sample_cells, fine_cells, seed, light.sha256, *(m.sha256 for m in materials))

@@ -81,7 +81,7 @@ class Store:
             raise GpsearchError(
                 f"{path}: not a readable run ({error}); restore it or choose another --run"
             ) from None
-        if found is None or int(found[0]) != SCHEMA_VERSION:
+        if found is None or found[0] != str(SCHEMA_VERSION):
             version = "none" if found is None else found[0]
             raise GpsearchError(
                 f"{path}: its schema version is {version}, this gpsearch reads {SCHEMA_VERSION};"

@@ -40,7 +40,9 @@ def grown(seed: int, generations: int, breeding: Breeding = BREEDING, number: in
     island = Island(number)
     for _ in range(generations):
         brood = advance(island, breeding, seed)
-        island = survive(island, brood, {child.expression: make_believe_error(child.expression) for child in brood})
+        island = survive(
+            island, brood, {child.expression: make_believe_error(child.expression) for child in brood}
+        )
     return island
 
 

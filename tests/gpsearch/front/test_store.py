@@ -78,7 +78,9 @@ def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
 def test_the_front_and_its_descriptions_come_back_to_the_last_bit(tmp_path_factory, error, screened, values):
     store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
     member = Member("p0", 1, GENOME, 2, 7, fit(error, [[v] for v in values]), screened)
-    described = Description(fit(error, [[v] for v in values]), {"light": error, "other": inf}, Checks(0, -1e300, inf), 0.1)
+    described = Description(
+        fit(error, [[v] for v in values]), {"light": error, "other": inf}, Checks(0, -1e300, inf), 0.1
+    )
     with store.transaction():
         store.save_front(Front((member,)))
         store.save_description("p0", described)
@@ -214,9 +216,10 @@ def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
     def killed(self: Path, target: Path) -> None:
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
-        patch.setattr(Path, "rename", killed)
+    monkeypatch.setattr(Path, "rename", killed)
+    with pytest.raises(KeyboardInterrupt):
         Store.create(tmp_path, "")
+    monkeypatch.undo()
     assert not (tmp_path / "run.sqlite").exists()
     Store.create(tmp_path, "again").close()
     assert Store.open(tmp_path).configuration == "again"
@@ -243,7 +246,10 @@ def read_only(folder: Path) -> None:
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     read_only(tmp_path)
-    with as_nobody(), pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"):
+    with (
+        as_nobody(),
+        pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"),
+    ):
         Store.create(tmp_path / "run", "")
 
 
@@ -255,5 +261,8 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
 
 def test_writing_into_a_store_that_may_only_be_read_fails_in_one_sentence(store):
     store._connection.execute("PRAGMA query_only = ON")
-    with pytest.raises(GpsearchError, match="cannot be written .* the last whole generation is safe"), store.transaction():
+    with (
+        pytest.raises(GpsearchError, match=r"cannot be written .* the last whole generation is safe"),
+        store.transaction(),
+    ):
         store.save_seconds(1.0)

@@ -71,7 +71,9 @@ def test_replace_leaves_the_children_untouched():
     assert edited(PHONG, Replace(AT["0"], "wh.z")) == "pow(max(dot(wr, wo), wh.z), p0)"
 
 
-@pytest.mark.parametrize(("node", "symbol"), [("p0", "sin"), ("0", "wh"), ("wr", "1"), (PHONG, "exp"), (PHONG, "2")])
+@pytest.mark.parametrize(
+    ("node", "symbol"), [("p0", "sin"), ("0", "wh"), ("wr", "1"), (PHONG, "exp"), (PHONG, "2")]
+)
 def test_replace_keeps_to_the_nodes_sort(node, symbol):
     assert edited(PHONG, Replace(AT[node], symbol)) == PHONG
 

@@ -1,0 +1,123 @@
+"""An expression made ready to be fitted on some cells: lowered, its vectors laid out, its record filled."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.engine.machine import KERNEL
+from fitters.engine.program import lower
+from fitters.engine.projection import BLOCK
+from fitters.engine.simplex import MACHINE, Descent, fit_targets, polish_targets
+from fitters.expressions.expression import Expression
+from fitters.grid import Array
+
+
+class Prepared:
+    """Keeps alive all arrays that the record `machine` has the addresses of.
+
+    features: each (n,) float64; weights and weighted (weights times measured values): (targets, n) float32,
+    contiguous; bounds: an interval per parameter, searched in the logarithm where it is positive.
+    """
+
+    def __init__(
+        self,
+        expression: Expression,
+        features: dict[str, Array],
+        weights: NDArray[np.float32],
+        weighted: NDArray[np.float32],
+        bounds: Mapping[str, tuple[float, float]],
+    ) -> None:
+        self.program = program = lower(expression)
+        self.low, self.high = _intervals(program.searched, bounds)
+        self.logarithmic = self.low > 0
+        for box in (self.low, self.high):
+            box[self.logarithmic] = np.log(box[self.logarithmic])
+        self._kept: list[NDArray] = [weights, weighted]
+        self.machine = self._record(features, weights, weighted, np.stack(_intervals(program.linear, bounds)))
+
+    @property
+    def searched(self) -> int:
+        """How many parameters a simplex varies."""
+        return len(self.program.searched)
+
+    def fit(self, starts: Array, descent: Descent, x: NDArray[np.float64], value: NDArray[np.float64]) -> int:
+        """`simplex.fit_targets`: fills x (targets, searched) and value (targets,); returns evaluations."""
+        return int(fit_targets(self.machine, starts, descent, x, value))
+
+    def polish(
+        self, descent: Descent, x: NDArray[np.float64], value: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], int]:
+        """`simplex.polish_targets`: improves x and value in place; returns coefficients and evaluations."""
+        c = np.zeros((len(value), len(self.program.linear)))
+        return c, int(polish_targets(self.machine, descent, x, value, c))
+
+    def coordinates(self, parameters: Mapping[str, Array]) -> NDArray[np.float64]:
+        """The simplex coordinates (targets, searched) of parameters, each (targets,)."""
+        columns = [np.asarray(parameters[name], np.float64) for name in self.program.searched]
+        x = np.stack(columns, axis=1) if columns else np.zeros((len(self._kept[0]), 0))
+        x[:, self.logarithmic] = np.log(np.maximum(x[:, self.logarithmic], 1e-300))
+        return np.clip(np.nan_to_num(x), self.low, self.high)
+
+    def parameters(self, x: Array, c: Array) -> dict[str, Array]:
+        """Parameters, each (targets,), of simplex coordinates and linear coefficients; in order of number."""
+        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
+        found = dict(zip(self.program.searched + self.program.linear, [*values.T, *c.T], strict=True))
+        return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))
+
+    def _record(
+        self, features: dict[str, Array], weights: NDArray, weighted: NDArray, linear_box: Array
+    ) -> np.void:
+        program, n = self.program, weights.shape[1]
+        k = len(program.linear)
+        inputs = program.input_vectors(features)
+        written = np.empty((max(program.persistent - len(program.inputs), 1), n), np.float32)
+        temporaries = np.empty((max(program.temporaries, 1), BLOCK), np.float32)
+        base = _rows(inputs)[: len(program.inputs)] + _rows(written)[: program.persistent - len(program.inputs)]
+        advance = [4] * len(base) + [0] * program.temporaries
+        base += _rows(temporaries)[: program.temporaries]
+        self._kept += [inputs, written, temporaries]
+        outputs = [base[slot] if slot >= 0 else 0 for slot in program.outputs]
+        fields = {
+            "kernel": KERNEL,
+            "code": self._address(program.code),
+            "instructions": len(program.code),
+            "scalar_code": self._address(program.scalar_code),
+            "scalar_instructions": len(program.scalar_code),
+            "registers": self._address(program.scalars.copy()),
+            "scalars": self._address(np.zeros(len(program.scalars), np.float32)),
+            "registers_count": len(program.scalars),
+            "base": self._address(np.array(base, np.int64)),
+            "advance": self._address(np.array(advance, np.int64)),
+            "slots": self._address(np.zeros(len(base), np.int64)),
+            "slots_count": len(base),
+            "outputs": self._address(np.array(outputs, np.int64)),
+            "searched": len(program.searched),
+            "linear": k,
+            "logarithmic": self._address(self.logarithmic.astype(np.float64)),
+            "box": self._address(np.stack([self.low, self.high])),
+            "linear_box": self._address(linear_box),
+            "normal": self._address(np.zeros((k + 1, k))),
+            "scratch": self._address(np.empty(BLOCK, np.float32)),
+            "weights": self._address(np.array(_rows(weights), np.int64)),
+            "weighted": self._address(np.array(_rows(weighted), np.int64)),
+            "cells": n,
+        }
+        return np.array([tuple(fields[name] for name in MACHINE.names or ())], MACHINE)[0]
+
+    def _address(self, array: NDArray) -> int:
+        self._kept.append(array)
+        return int(array.ctypes.data)
+
+
+def _intervals(names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
+    """Lower and upper bounds (names,)."""
+    return (
+        np.array([bounds[name][0] for name in names], np.float64),
+        np.array([bounds[name][1] for name in names], np.float64),
+    )
+
+
+def _rows(array: NDArray) -> list[int]:
+    """Addresses of the rows of a contiguous array."""
+    return [array.ctypes.data + row * array.strides[0] for row in range(len(array))]

@@ -1,0 +1,224 @@
+"""`gpsearch launch` as a person at the terminal meets it; every test runs the installed command."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+
+import pytest
+
+from fitters.materials.merl import FILE_BYTES, HEADER
+from gpsearch.front import Store
+from tests.gpsearch.small import GPSEARCH, PATIENCE_SECONDS, gpsearch, small_text, without_times
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "small.yaml").write_text(small_text())
+    return tmp_path
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.CompletedProcess[str]]:
+    """A run never stopped, in folder/runs/small."""
+    folder = tmp_path_factory.mktemp("whole")
+    (folder / "small.yaml").write_text(small_text())
+    return folder, gpsearch("launch", "small.yaml", cwd=folder)
+
+
+@contextmanager
+def launched(folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A launch into folder/run under way, its terminal output readable line by line."""
+    command = [GPSEARCH, "launch", "small.yaml", "--run", "run"]
+    with subprocess.Popen(
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_for(stream: IO[str] | None, start: str) -> str:
+    assert stream is not None
+    lines = []
+    for line in stream:
+        lines.append(line)
+        if line.startswith(start):
+            return line
+    raise AssertionError(f"no line starts with {start!r} in:\n{''.join(lines)}")
+
+
+def refused(result: subprocess.CompletedProcess[str], status: int) -> str:
+    """The one message of a command that could not do what it was asked to."""
+    assert result.returncode == status, result.stderr
+    assert result.stdout == ""
+    assert "Traceback" not in result.stderr
+    return result.stderr
+
+
+def test_a_launch_leaves_the_front_as_json_and_as_a_picture(whole):
+    folder, result = whole
+    assert result.returncode == 0, result.stderr
+    run = folder / "runs" / "small"
+    assert {path.name for path in run.iterdir()} == {"run.sqlite", "front.json", "front.png"}
+    front = json.loads((run / "front.json").read_text())["front"]
+    listed = result.stdout.splitlines()
+    assert listed[0].split() == ["nodes", "error", "formula"]
+    assert any(front[-1]["expression"] in line and f"{front[-1]['error']:.4f}" in line for line in listed)
+    assert any("[lambert, refitted]" in line for line in listed)
+    assert listed[-1] == "front: runs/small/front.json   picture: runs/small/front.png"
+
+
+def test_progress_is_plain_lines_where_there_is_no_terminal(whole):
+    lines = whole[1].stderr.splitlines()
+    assert lines[0] == "small starts on this process"
+    assert lines[1].startswith("generation 1/4  ")
+    assert lines[-2].startswith("generation 4/4  ")
+    assert lines[-1].startswith("done (generations): 4 generations, 64 candidates, ")
+    assert "\x1b" not in whole[1].stderr
+    assert "\r" not in whole[1].stderr
+
+
+def test_launching_a_finished_run_again_changes_nothing(whole):
+    folder, _ = whole
+    before = (folder / "runs/small/front.json").read_text()
+    result = gpsearch("launch", "small.yaml", cwd=folder)
+    assert result.returncode == 0
+    assert result.stderr.startswith("small goes on after generation 4 on this process")
+    assert (folder / "runs/small/front.json").read_text() == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+def test_a_process_that_is_stopped_goes_on_to_the_same_front(folder, whole, how):
+    with launched(folder) as process:
+        wait_for(process.stderr, "generation 1/4")
+        process.send_signal(how)
+        assert process.wait(PATIENCE_SECONDS) == (130 if how == signal.SIGINT else -how)
+        assert process.stderr is not None
+        told = process.stderr.read()
+    if how == signal.SIGINT:
+        assert told.splitlines()[-2].startswith("stopped after generation ")
+        assert told.splitlines()[-1] == "  gpsearch launch small.yaml --run run"
+        assert "Traceback" not in told
+    assert 1 <= Store.open(folder / "run").totals()[0] < 4
+    result = gpsearch("launch", "small.yaml", "--run", "run", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.startswith("small goes on after generation ")
+    assert without_times(folder / "run/front.json") == without_times(whole[0] / "runs/small/front.json")
+
+
+def test_ctrl_c_before_the_first_generation_is_as_clean(folder):
+    with launched(folder) as process:
+        wait_for(process.stderr, "small starts")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(PATIENCE_SECONDS) == 130
+        assert process.stderr is not None
+        told = process.stderr.read()
+    assert told.startswith("stopped after generation 0; nothing is lost. To go on:")
+    assert "Traceback" not in told
+
+
+def test_check_prints_the_plan_and_runs_nothing(folder):
+    result = gpsearch("launch", "small.yaml", "--check", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    plan = result.stdout + result.stderr
+    for words in (
+        "small: the configuration is valid",
+        "materials   metal (3 targets)",
+        "2 islands of 8, 16 candidates a generation",
+        "executor    this process",
+        "4 generations",
+        "candidates/s",
+    ):
+        assert words in plan
+    assert [path.name for path in folder.iterdir()] == ["small.yaml"]
+
+
+def test_a_wrong_path_is_named(folder):
+    message = refused(gpsearch("launch", "smal.yaml", cwd=folder), 2)
+    assert message == "gpsearch: smal.yaml: no such file; did you mean small.yaml?\n"
+
+
+def test_a_misspelt_key_is_named_with_its_line(folder):
+    (folder / "small.yaml").write_text(small_text() + "metrik: light\n")
+    message = refused(gpsearch("launch", "small.yaml", cwd=folder), 2)
+    assert "metrik: no such key; did you mean metric?" in message
+    assert not (folder / "runs").exists()
+
+
+def test_a_truncated_material_is_refused_and_the_run_goes_on_once_it_is_whole(folder):
+    (folder / "steel.binary").write_bytes(HEADER + bytes(1000))
+    (folder / "small.yaml").write_text(small_text(materials=["steel.binary"]))
+    message = refused_after_start(gpsearch("launch", "small.yaml", cwd=folder), 2)
+    assert f"steel.binary holds 1,012 bytes, a MERL file has {FILE_BYTES:,}: the download was cut short" in message
+    message = refused_after_start(gpsearch("launch", "small.yaml", cwd=folder), 2)
+    assert "steel.binary" in message
+
+
+def refused_after_start(result: subprocess.CompletedProcess[str], status: int) -> str:
+    """As `refused`; a line about the start comes before the message."""
+    lines = refused(result, status).splitlines()
+    assert [line for line in lines if line.startswith("gpsearch: ")] == lines[-1:]
+    return lines[-1]
+
+
+def test_a_scheduler_that_is_not_there_fails_the_run_and_loses_nothing(folder, whole):
+    with socket.socket() as unused:
+        unused.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
+        text = small_text(executor={"kind": "dask", "scheduler": address, "wait_seconds": 0.5})
+        (folder / "small.yaml").write_text(text)
+        message = refused(gpsearch("launch", "small.yaml", "--run", "run", cwd=folder), 1)
+    assert address in message
+    (folder / "small.yaml").write_text(small_text())
+    result = gpsearch("launch", "small.yaml", "--run", "run", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert without_times(folder / "run/front.json") == without_times(whole[0] / "runs/small/front.json")
+
+
+def test_a_changed_configuration_is_refused_by_naming_its_keys(whole):
+    folder, _ = whole
+    (folder / "changed.yaml").write_text(small_text(seed=6, search={"max_nodes": 41}, budget={"generations": 3}))
+    message = refused(gpsearch("launch", "changed.yaml", "--run", "runs/small", cwd=folder), 2)
+    assert "runs/small holds a run with another configuration:" in message
+    assert "  seed: 6 instead of 5" in message
+    assert "  search.max_nodes: 41 instead of 40" in message
+    assert "  budget.generations: 3 instead of 4" in message
+    assert Store.open(folder / "runs/small").totals()[0] == 4
+
+
+def test_a_larger_budget_extends_a_run(folder):
+    (folder / "small.yaml").write_text(small_text(budget={"generations": 1}))
+    assert gpsearch("launch", "small.yaml", cwd=folder).returncode == 0
+    (folder / "small.yaml").write_text(small_text(budget={"generations": 2}))
+    result = gpsearch("launch", "small.yaml", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert result.stderr.startswith("small goes on after generation 1 on this process")
+    assert Store.open(folder / "runs/small").totals()[0] == 2
+
+
+@pytest.mark.parametrize("content", [b"", b"text, not a database"])
+def test_a_damaged_run_is_refused(folder, content):
+    (folder / "run").mkdir()
+    (folder / "run" / "run.sqlite").write_bytes(content)
+    message = refused(gpsearch("launch", "small.yaml", "--run", "run", cwd=folder), 2)
+    assert "run/run.sqlite: not a readable run" in message
+
+
+def test_what_looks_like_markup_is_printed_as_it_is(tmp_path):
+    folder = tmp_path / "a [bold]run :smile:"
+    folder.mkdir()
+    (folder / "small.yaml").write_text(small_text())
+    with launched(folder) as process:
+        wait_for(process.stderr, "small starts")
+        process.send_signal(signal.SIGINT)
+        process.wait(PATIENCE_SECONDS)
+    result = gpsearch("launch", os.fspath(folder / "smal.yaml"), cwd=folder)
+    assert "[bold]run :smile:" in refused(result, 2)
