@@ -51,9 +51,7 @@ class Expression:
         return Expression, (self.symbol, self.children)
 
     def __repr__(self) -> str:
-        from fitters.expressions.text import to_text
-
-        return f"<{to_text(self)}>"
+        return f"{self.symbol}({', '.join(map(repr, self.children))})" if self.children else self.symbol
 
     @property
     def is_vector(self) -> bool:

@@ -94,7 +94,6 @@ def test_materials_lists_and_describes(folder):
     assert [material["name"] for material in found["materials"]] == ["metal"]
 
 
-@pytest.mark.slow
 def test_fit_reports_one_object(folder):
     found = object_on_stdout(gpsearch("fit", COOK, "builtin:metal", "--json", cwd=folder))
     assert found["expression"] == COOK

@@ -162,7 +162,7 @@ def test_equal_errors_are_ordered_by_size_and_then_by_text():
         Individual(genome, "sin(p0)", 2, 0.6),
         Individual(genome, "p0", 1, inf),
     ]
-    assert sorted(best_first[::-1], key=lambda individual: individual.rank) == best_first
+    assert sorted(reversed(best_first), key=lambda individual: individual.rank) == best_first
 
 
 def test_survivors_are_the_offspring_with_their_errors():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.gpsearch.small import gpsearch, small_text, without_times
+from tests.gpsearch.small import gpsearch, gpsearch_process, small_text, without_times
 from tests.workers.cluster import real_cluster
 
 
@@ -14,7 +14,7 @@ def test_the_front_is_the_same_in_one_process_and_on_two_workers_of_a_scheduler(
     with real_cluster(workers=2) as address:
         text = small_text(executor={"kind": "dask", "scheduler": address})
         (tmp_path / "small.yaml").write_text(text)
-        spread = gpsearch("launch", "small.yaml", "--run", "spread", cwd=tmp_path)
+        spread = gpsearch_process("launch", "small.yaml", "--run", "spread", cwd=tmp_path)
     assert spread.returncode == 0, spread.stderr
     assert f"{address} with 2 workers" in spread.stderr
     fronts = [without_times(tmp_path / run / "front.json") for run in ("alone", "spread")]

@@ -1,6 +1,7 @@
 """front.json: what its schema says, and that its numbers mean what they say."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -86,7 +87,7 @@ def test_the_run_is_described(exported, folder):
 def test_members_come_by_size_with_strictly_falling_error(exported):
     front = exported["front"]
     assert len(front) > 3
-    for smaller, larger in zip(front, front[1:], strict=False):
+    for smaller, larger in pairwise(front):
         assert smaller["nodes"] < larger["nodes"]
         assert smaller["error"] > larger["error"]
     assert len({member["id"] for member in front}) == len(front)

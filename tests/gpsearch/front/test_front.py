@@ -1,5 +1,6 @@
 """The front against its definition."""
 
+from itertools import pairwise
 from math import inf
 
 import numpy as np
@@ -41,9 +42,7 @@ def by_definition(pool: list[Member]) -> set[str]:
 def test_the_front_is_what_no_other_beats(pool):
     front = Front().updated(pool)
     assert {m.expression for m in front.members} == by_definition(pool)
-    assert all(
-        a.nodes < b.nodes and a.error > b.error for a, b in zip(front.members, front.members[1:], strict=False)
-    )
+    assert all(a.nodes < b.nodes and a.error > b.error for a, b in pairwise(front.members))
 
 
 @settings(deadline=None)

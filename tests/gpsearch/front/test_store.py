@@ -127,10 +127,14 @@ def test_expressions_are_seen_once_their_generation_is_whole(store):
 
 
 def test_a_transaction_that_fails_leaves_nothing_behind(store):
-    with pytest.raises(KeyboardInterrupt), store.transaction():
-        store.save_seconds(12.0)
-        store.log("launch", "x")
-        raise KeyboardInterrupt
+    def broken_off() -> None:
+        with store.transaction():
+            store.save_seconds(12.0)
+            store.log("launch", "x")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        broken_off()
     assert (again(store).seconds, again(store).events()) == (0.0, [])
 
 
