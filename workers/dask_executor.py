@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 from distributed import CancelledError, Client, Future, KilledWorker, as_completed, get_worker
+from distributed.scheduler import NoValidWorkerError, NoWorkerError
 
 from workers.context import Recipe, context_of
 from workers.dask_connection import connect, require_same_package
@@ -128,6 +129,8 @@ def _failure(label: str, index: int, error: BaseException) -> WorkersError:
             f"{label}: task {index} was given up after {error.allowed_failures + 1} worker processes died "
             f"running it, the last at {error.last_worker.address}: see its log; memory is the usual reason"
         )
+    elif isinstance(error, (NoValidWorkerError, NoWorkerError)):
+        failure = WorkersError(f"{label}: task {index} found no worker any more: start some, then start again")
     else:
         where = next(iter(getattr(error, "__notes__", ())), "a worker")
         failure = task_failed(label, index, error, where)

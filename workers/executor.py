@@ -53,7 +53,11 @@ class DaskSettings:
     workers: int | None = None
     """How many processes to start where `scheduler` is None; None is one per core."""
     wait_seconds: float = 60.0
-    """How long to wait, in all, for the scheduler and a first worker."""
+    """How long to wait, in all, for the scheduler and a first worker.
+
+    Processes of this machine may also be gone for so long before a run fails. A running cluster that loses all
+    its workers waits for new ones, unless its scheduler's own `no-workers-timeout` says otherwise.
+    """
 
 
 Settings = LocalSettings | DaskSettings

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import Any
 
+import dask.config
 from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Nanny, Worker
 
@@ -43,12 +44,23 @@ class QuietNanny(Nanny):
 def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) -> Client:
     """A client of `workers` fresh processes of this machine (None: one per core); `stack` closes both.
 
-    Each process has one thread and an equal share of the memory, and is restarted when it dies.
+    Each process has one thread and an equal share of the memory, and is restarted when it dies. Where none
+    is there for `wait_seconds`, tasks fail.
     """
     count = CPU_COUNT if workers is None else workers
     if count < 1:
         raise WorkersError(f"workers: {count} processes cannot do any work: ask for at least 1")
     stack.enter_context(silenced_logs())
+    stack.enter_context(
+        dask.config.set(
+            {
+                # The cluster would drop a process for good that is down when looked at some time after a death,
+                # though it is only restarting once more; where none comes back, the scheduler fails the tasks.
+                "distributed.deploy.lost-worker-timeout": "365 days",
+                "distributed.scheduler.no-workers-timeout": f"{wait_seconds} s",
+            }
+        )
+    )
     try:
         with interrupts_kept_from_children():
             cluster = stack.enter_context(

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import dask.config
 import pytest
 
 from tests.workers import work
@@ -77,6 +78,21 @@ def test_a_killed_worker_loses_nothing_and_a_deadly_task_is_named(tmp_path: Path
         assert Path(marker).exists()
         with pytest.raises(WorkersError, match=r"deadly: task 0 was given up after \d+ worker processes died"):
             list(executor.run(work.die, work.RECIPE, [None], label="deadly"))
+
+
+def test_processes_that_stay_away_fail_the_run() -> None:
+    with open_executor(DaskSettings(workers=1, wait_seconds=1)) as executor:
+        results = executor.run(work.leave_for_good, work.RECIPE, [None], label="lonely")
+        with pytest.raises(WorkersError, match="lonely: task 0 found no worker any more"):
+            next(results)
+
+
+def test_a_process_is_restarted_long_after_its_first_death(tmp_path: Path) -> None:
+    hasty = dask.config.set({"distributed.deploy.lost-worker-timeout": "0.1 s"})
+    with hasty, open_executor(DaskSettings(workers=1)) as executor:
+        for death in range(2):
+            payloads = [str(tmp_path / str(death))]
+            assert list(executor.run(work.die_once, work.RECIPE, payloads, label="fit")) == [(0, "survived")]
 
 
 def test_stopping_early_cancels_what_has_not_started(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ import signal
 import time
 from pathlib import Path
 
+from distributed import get_worker
+
 from fitters.errors import FittersError
 from workers import Recipe
 
@@ -64,6 +66,13 @@ def die(_context: str, _payload: None) -> None:
 def interrupt_own_process(_context: str, _payload: None) -> None:
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(0.3)
+
+
+def leave_for_good(_context: str, _payload: None) -> None:
+    """Has its worker retired: it goes, and nothing restarts it."""
+    worker = get_worker()
+    worker.loop.add_callback(worker.close_gracefully, restart=False)
+    time.sleep(60)
 
 
 def environment(_context: str, payload: str) -> str | None:

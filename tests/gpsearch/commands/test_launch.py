@@ -1,7 +1,6 @@
-"""`gpsearch launch` as a person at the terminal meets it; processes of their own where a signal or a terminal matters."""
+"""`gpsearch launch` as a person at the terminal meets it."""
 
 import json
-import os
 import signal
 import socket
 import subprocess
@@ -12,7 +11,8 @@ from typing import IO
 
 import pytest
 
-from fitters.materials.merl import FILE_BYTES, HEADER
+from fitters.materials import load_material
+from fitters.materials.merl import FILE_BYTES, HEADER, write_merl
 from gpsearch.front import Store
 from tests.gpsearch.small import (
     GPSEARCH,
@@ -39,9 +39,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess.Co
 
 
 @contextmanager
-def launched(folder: Path) -> Iterator[subprocess.Popen[str]]:
+def launched(folder: Path, run: str = "run") -> Iterator[subprocess.Popen[str]]:
     """A launch into folder/run under way, its terminal output readable line by line."""
-    command = [GPSEARCH, "launch", "small.yaml", "--run", "run"]
+    command = [GPSEARCH, "launch", "small.yaml", "--run", run]
     with subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -122,13 +122,17 @@ def test_a_process_that_is_stopped_goes_on_to_the_same_front(folder, whole, how)
 
 
 def test_ctrl_c_before_the_first_generation_is_as_clean(folder):
-    with launched(folder) as process:
+    """The command to go on with can be pasted, whatever is in the path."""
+    with launched(folder, run="my [bold]run :smile:") as process:
         wait_for(process.stderr, "small starts")
         process.send_signal(signal.SIGINT)
         assert process.wait(PATIENCE_SECONDS) == 130
         assert process.stderr is not None
         told = process.stderr.read()
-    assert told.splitlines()[-2] == "stopped after generation 0; nothing is lost. To go on:"
+    assert told.splitlines()[-2:] == [
+        "stopped after generation 0; nothing is lost. To go on:",
+        "  gpsearch launch small.yaml --run 'my [bold]run :smile:'",
+    ]
     assert "Traceback" not in told
 
 
@@ -165,8 +169,10 @@ def test_a_truncated_material_is_refused_and_the_run_goes_on_once_it_is_whole(fo
     (folder / "small.yaml").write_text(small_text(materials=["steel.binary"]))
     message = refused_after_start(gpsearch("launch", "small.yaml", cwd=folder), 2)
     assert f"steel.binary holds 1,012 bytes, a MERL file has {FILE_BYTES:,}: the download was cut short" in message
-    message = refused_after_start(gpsearch("launch", "small.yaml", cwd=folder), 2)
-    assert "steel.binary" in message
+    metal = load_material("builtin:metal")
+    write_merl(folder / "steel.binary", metal.table, metal.valid)
+    result = gpsearch("launch", "small.yaml", cwd=folder)
+    assert result.returncode == 0, result.stderr
 
 
 def refused_after_start(result: subprocess.CompletedProcess[str], status: int) -> str:
@@ -217,11 +223,3 @@ def test_a_damaged_run_is_refused(folder, content):
     (folder / "run" / "run.sqlite").write_bytes(content)
     message = refused(gpsearch("launch", "small.yaml", "--run", "run", cwd=folder), 2)
     assert "run/run.sqlite: not a readable run" in message
-
-
-def test_what_looks_like_markup_is_printed_as_it_is(tmp_path):
-    folder = tmp_path / "a [bold]run :smile:"
-    folder.mkdir()
-    (folder / "small.yaml").write_text(small_text())
-    result = gpsearch("launch", os.fspath(folder / "smal.yaml"), cwd=folder)
-    assert "[bold]run :smile:" in refused(result, 2)

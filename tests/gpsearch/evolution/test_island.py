@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from math import inf
 
 import numpy as np
@@ -155,14 +156,14 @@ def test_tournament_pressure_is_that_of_theory(count, k):
 
 def test_equal_errors_are_ordered_by_size_and_then_by_text():
     genome = Genome("p0")
-    best_first = [
+    best_first = (
         Individual(genome, "p1", 1, 0.5),
         Individual(genome, "p0", 1, 0.6),
         Individual(genome, "p1", 1, 0.6),
         Individual(genome, "sin(p0)", 2, 0.6),
         Individual(genome, "p0", 1, inf),
-    ]
-    assert sorted(reversed(best_first), key=lambda individual: individual.rank) == best_first
+    )
+    assert all(better.rank < worse.rank for better, worse in pairwise(best_first))
 
 
 def test_survivors_are_the_offspring_with_their_errors():
