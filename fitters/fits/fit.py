@@ -146,7 +146,9 @@ def _finished(
     parameters = problem.parameters(x, c)
     values = np.stack(list(parameters.values()), axis=1) if parameters else np.empty((len(value), 0))
     errors = np.sqrt(value)
-    return Fit(tuple(parameters), np.asarray(values, np.float64), errors, metric.combine(errors), used + evaluations)
+    return Fit(
+        tuple(parameters), np.asarray(values, np.float64), errors, metric.combine(errors), used + evaluations
+    )
 
 
 def _starts(expression: Expression, low: Array, high: Array, count: int) -> Array:

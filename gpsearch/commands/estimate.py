@@ -3,19 +3,19 @@
 import os
 import time
 
-from rich.console import Console
+import click
 
 from fitters.fits import build_problem, screen
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
-from gpsearch.evolution.plan import Plan, problem_recipe
+from gpsearch.search.plan import Plan, problem_recipe
 
 PROBES = 24
 """Founders that are fitted to measure the rate."""
 
 
-def estimate(configuration: Configuration, planned: Plan, console: Console) -> None:
+def estimate(configuration: Configuration, planned: Plan) -> None:
     """Loads everything, fits a few founders, and prints the plan with the time it would take."""
     problem = build_problem(problem_recipe(configuration))
     founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
@@ -35,7 +35,7 @@ def estimate(configuration: Configuration, planned: Plan, console: Console) -> N
         limits.append(f"{budget.candidates:,} candidates ({duration(budget.candidates / (rate * processes))})")
     cells = f"{len(problem.full):,} lit cells, {len(problem.sample):,} sampled"
     bank = len(planned.breeding.mutation.codebank)
-    console.print(
+    click.echo(
         f"{configuration.name}: the configuration is valid\n"
         f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
         f"  scene       {configuration.scene.light}: {cells}\n"
@@ -43,8 +43,7 @@ def estimate(configuration: Configuration, planned: Plan, console: Console) -> N
         f" generation, codebank of {bank}\n"
         f"  executor    {where}\n"
         f"  rate        {rate:.0f} candidates/s and process, {duration(generation_seconds)} a generation\n"
-        f"  ends after  {', or '.join(limits)}, whatever comes first",
-        highlight=False,
+        f"  ends after  {', or '.join(limits)}, whatever comes first"
     )
 
 

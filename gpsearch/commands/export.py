@@ -7,10 +7,10 @@ from rich.console import Console
 
 from gpsearch.commands.progress import ProgressWatcher
 from gpsearch.commands.runs import open_run, run_argument, write_text
-from gpsearch.evolution.plan import plan
-from gpsearch.evolution.search import Search
 from gpsearch.exports import front_json
 from gpsearch.exports.front_json import to_text
+from gpsearch.search.plan import plan
+from gpsearch.search.search import Search
 from workers import LocalSettings, open_executor
 
 

@@ -12,13 +12,13 @@ from gpsearch.commands.progress import ProgressWatcher, duration
 from gpsearch.commands.runs import write_text
 from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
 from gpsearch.errors import GpsearchError
-from gpsearch.evolution.plan import Plan, plan
-from gpsearch.evolution.search import Search
 from gpsearch.exports import front_json
 from gpsearch.exports.front_json import to_text
 from gpsearch.front import Store
 from gpsearch.front.store import FILE
 from gpsearch.reports import plot_front
+from gpsearch.search.plan import Plan, plan
+from gpsearch.search.search import Search
 from workers import DaskSettings, LocalSettings, Settings, open_executor
 
 SUMMARY_ROWS = 12
@@ -41,7 +41,7 @@ def launch(config: Path, folder: Path | None, check: bool) -> None:
     folder = folder or Path("runs") / configuration.name
     planned = plan(configuration)
     if check:
-        estimate(configuration, planned, console)
+        estimate(configuration, planned)
         return
     store = _store(folder, configuration)
     try:

@@ -6,15 +6,15 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-from gpsearch.evolution.plan import Budget
-from gpsearch.evolution.search import Standing
+from gpsearch.search.plan import Budget
+from gpsearch.search.search import Standing
 
 PLAIN_SECONDS = 10.0
 """Without a terminal a line is written at most so often; the last generation always has one."""
 
 
 class ProgressWatcher:
-    """Shows how a search goes on; a context manager. A `Watcher` of `gpsearch.evolution.search`."""
+    """Shows how a search goes on; a context manager. A `Watcher` of `gpsearch.search.search`."""
 
     def __init__(self, console: Console, budget: Budget) -> None:
         self.console, self.budget = console, budget

@@ -14,9 +14,9 @@ import yaml
 
 from gpsearch.commands import main
 from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.evolution.plan import plan
-from gpsearch.evolution.search import Search, Standing
 from gpsearch.front import Store
+from gpsearch.search.plan import plan
+from gpsearch.search.search import Search, Standing
 from workers import Executor
 from workers.local import LocalExecutor
 

@@ -34,9 +34,7 @@ def _tensor_bytes(fields: Mapping[str, np.ndarray]) -> bytes:
         label, content = name.encode(), np.ascontiguousarray(array).tobytes()
         out.append(struct.pack("<H", len(label)) + label)
         out.append(
-            struct.pack(
-                f"<HBQ{array.ndim}Q", array.ndim, ELEMENT_CODES[array.dtype.name], offset, *array.shape
-            )
+            struct.pack(f"<HBQ{array.ndim}Q", array.ndim, ELEMENT_CODES[array.dtype.name], offset, *array.shape)
         )
         data.append(content)
         offset += len(content)

@@ -60,9 +60,7 @@ def test_real_measurements_are_nearly_reciprocal_so_the_cosine_is_divided_out(sh
     assert np.median(np.abs(forward / backward - 1)) < 0.05
 
 
-def test_agrees_with_mitsuba_whether_or_not_the_density_is_divided_out(
-    simple_fields, write_bsdf, random_pairs
-):
+def test_agrees_with_mitsuba_whether_or_not_the_density_is_divided_out(simple_fields, write_bsdf, random_pairs):
     for flag in (0, 1):
         simple_fields["jacobian"] = np.full(1, flag, np.uint8)
         simple_fields["ndf"] = np.linspace(1, 3, 6, dtype=np.float32).reshape(2, 3)

@@ -16,9 +16,7 @@ def test_studio_is_a_high_dynamic_range_light_of_several_colours():
 
 def test_the_studio_key_stands_up_left_and_before_the_sphere():
     light = studio(64)
-    row, column = np.unravel_index(
-        np.argmax(light.radiance[..., 0] * (light.directions()[..., 2] > 0)), (64, 128)
-    )
+    row, column = np.unravel_index(np.argmax(light.radiance[..., 0] * (light.directions()[..., 2] > 0)), (64, 128))
     x, y, z = light.directions()[row, column]
     assert x < 0 < y
     assert z > 0

@@ -12,9 +12,9 @@ from typing import Any, Protocol, TypeVar
 from fitters.expressions import parse
 from fitters.fits import Confirmed, DescriptionJob, confirm, describe, screen
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
-from gpsearch.evolution.plan import Plan
 from gpsearch.front import Front, Member, Store
 from gpsearch.genomes import Genome
+from gpsearch.search.plan import Plan
 from workers import Executor
 
 P = TypeVar("P")

@@ -10,11 +10,11 @@ import pytest
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
 from gpsearch.errors import GpsearchError
-from gpsearch.evolution.plan import plan
-from gpsearch.evolution.search import Search
 from gpsearch.exports import front_json
 from gpsearch.front import Store
 from gpsearch.genomes import reify
+from gpsearch.search.plan import plan
+from gpsearch.search.search import Search
 from tests.gpsearch.small import Watching, run_search, small, without_times
 from workers.local import LocalExecutor
 
