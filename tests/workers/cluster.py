@@ -59,7 +59,7 @@ def _command(name: str, *arguments: str, path: str) -> Iterator[SimpleQueue[str 
     finally:
         process.terminate()
         try:
-            process.wait(10)
+            process.wait(3)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGKILL)
             process.wait()
