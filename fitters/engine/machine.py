@@ -6,6 +6,7 @@ compares with this file by running every one.
 """
 
 import math
+from functools import cache
 
 from numba import carray, cfunc, njit, types
 
@@ -222,11 +223,8 @@ def _log_v(p, d, n):
         store(d, i, math32.log(x))
 
 
-@cfunc(types.void(types.int64, types.int64, types.int64, types.int64, types.int64), **_CACHED)
-def _kernel(code_address, instructions, slots_address, scalars_address, n):
-    """The dispatch over one block. A C function, called by its address: what calls it cannot inline it, which
-    would make LLVM optimise all these loops again in every caller (a minute instead of seconds).
-    """
+def _dispatch(code_address, instructions, slots_address, scalars_address, n):
+    """Runs the instructions over one block: numba compiles this, see `_kernel`."""
     code = carray(address_as(code_address, types.int32), (instructions, 4))
     slots = carray(address_as(slots_address, types.int64), (MAX_SLOTS,))
     scalars = carray(address_as(scalars_address, types.float32), (MAX_SLOTS,))
@@ -293,13 +291,24 @@ def _kernel(code_address, instructions, slots_address, scalars_address, n):
             _log_v(slots[a], d, n)
 
 
-KERNEL: int = _kernel.address
-"""Where the compiled dispatch lies in this process: `math32.call_kernel` calls it from compiled code."""
+@cache
+def _kernel():
+    """The dispatch, compiled at the first call of this.
+
+    A C function, called by its address: what calls it cannot inline it, which would make LLVM optimise all the
+    loops again in every caller (a minute instead of seconds).
+    """
+    return cfunc(types.void(*[types.int64] * 5), **_CACHED)(_dispatch)
+
+
+def kernel_address() -> int:
+    """Where the compiled dispatch lies in this process: `math32.call_kernel` calls it from compiled code."""
+    return _kernel().address
 
 
 def run_block(code, slots, scalars, n):
     """Runs `code` (instructions, 4) over n cells; slots[s] is the address of vector s, scalars are float32."""
-    _kernel.ctypes(code.ctypes.data, len(code), slots.ctypes.data, scalars.ctypes.data, n)
+    _kernel().ctypes(code.ctypes.data, len(code), slots.ctypes.data, scalars.ctypes.data, n)
 
 
 @njit(**_CACHED)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from fitters.engine.machine import KERNEL
+from fitters.engine.machine import kernel_address
 from fitters.engine.program import lower
 from fitters.engine.projection import BLOCK
 from fitters.engine.simplex import MACHINE, Descent, fit_targets, polish_targets
@@ -79,7 +79,7 @@ class Prepared:
         self._kept += [inputs, written, temporaries]
         outputs = [base[slot] if slot >= 0 else 0 for slot in program.outputs]
         fields = {
-            "kernel": KERNEL,
+            "kernel": kernel_address(),
             "code": self._address(program.code),
             "instructions": len(program.code),
             "scalar_code": self._address(program.scalar_code),

@@ -12,14 +12,15 @@ from numba import njit
 
 from fitters.engine.math32 import FLAGS, ZERO, load
 
-_KERNEL = {"fastmath": FLAGS, "error_model": "numpy", "cache": True}
-_EXACT = {"error_model": "numpy", "cache": True}
+_LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_ENTRY = {"error_model": "numpy", "cache": True}
 
 BLOCK = 1024
 """Cells per block: a dozen vectors of it fit the first-level cache."""
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _inner(a, b, w, n):
     """Sum of a b w^2 over n cells."""
     total = ZERO
@@ -29,7 +30,7 @@ def _inner(a, b, w, n):
     return total
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _inner_target(a, w, wy, n):
     """Sum of a w (w y) over n cells."""
     total = ZERO
@@ -38,7 +39,7 @@ def _inner_target(a, w, wy, n):
     return total
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _residual_0(a0, w, wy, n):
     total = ZERO
     for i in range(n):
@@ -47,7 +48,7 @@ def _residual_0(a0, w, wy, n):
     return total
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _residual_1(a1, c1, w, wy, n):
     total = ZERO
     for i in range(n):
@@ -56,7 +57,7 @@ def _residual_1(a1, c1, w, wy, n):
     return total
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _residual_2(a1, a2, c1, c2, w, wy, n):
     total = ZERO
     for i in range(n):
@@ -65,7 +66,7 @@ def _residual_2(a1, a2, c1, c2, w, wy, n):
     return total
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _combine(target, a, c, n, first):
     """target (a float32 array) = c a, or += c a."""
     if first:
@@ -76,7 +77,7 @@ def _combine(target, a, c, n, first):
             target[i] += c * load(a, i)
 
 
-@njit(**_KERNEL)
+@njit(**_LOOP)
 def _residual_array(f, w, wy, n):
     total = ZERO
     for i in range(n):
@@ -85,7 +86,7 @@ def _residual_array(f, w, wy, n):
     return total
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def sum_of_squares(outputs, c, w, wy, n, scratch):
     """SS(c) over n cells; `outputs` are addresses (1 + k,), 0 for no offset, w and wy addresses too."""
     k = c.shape[0]
@@ -112,7 +113,7 @@ def sum_of_squares(outputs, c, w, wy, n, scratch):
     return total
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def normal_equations(outputs, w, wy, n, gram, right):
     """gram (k, k) = A^T W^2 A and right (k,) = A^T W^2 (y - a_0), added up per block in float64."""
     k = right.shape[0]
@@ -133,7 +134,7 @@ def normal_equations(outputs, w, wy, n, gram, right):
             gram[j, i] = gram[i, j]
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _solve_free(gram, right, fixed, state, c):
     """Solves for the entries of c with state 0, the rest held at `fixed`. False where that is singular."""
     k = right.shape[0]
@@ -169,7 +170,7 @@ def _solve_free(gram, right, fixed, state, c):
     return True
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _solve_inside(gram, right, low, high, c):
     """One or two coefficients where the box does not bind, as it mostly does not; False where it may."""
     if right.shape[0] == 1:
@@ -183,7 +184,7 @@ def _solve_inside(gram, right, low, high, c):
     return low[0] <= c[0] <= high[0] and low[1] <= c[1] <= high[1]
 
 
-@njit(**_EXACT)
+@njit(**_ENTRY)
 def solve_box(gram, right, low, high, c):
     """c minimising c^T gram c / 2 - right^T c in the box, exactly: every active set is tried where one is.
 

@@ -13,11 +13,12 @@ from fitters.engine.machine import run_scalars
 from fitters.engine.math32 import address_as, call_kernel
 from fitters.engine.projection import BLOCK, normal_equations, solve_box, sum_of_squares
 
-_EXACT = {"error_model": "numpy", "cache": True}
+_INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_ENTRY = {"error_model": "numpy", "cache": True}
 
 MACHINE = np.dtype(
     [
-        ("kernel", np.int64),  # address of the compiled dispatch, `machine.KERNEL`
+        ("kernel", np.int64),  # address of the compiled dispatch, `machine.kernel_address()`
         ("code", np.int64),  # int32 (instructions, 4)
         ("instructions", np.int64),
         ("scalar_code", np.int64),  # int32 (scalar_instructions, 4)
@@ -53,17 +54,17 @@ Descent = namedtuple("Descent", ["restarts", "rounds", "step", "limit", "toleran
 """Descents per target, rounds of exchange, the first simplex's extent, evaluations and tolerance of a descent."""
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _reals(address, *shape):
     return carray(address_as(address, types.float64), shape)
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _integers(address, count):
     return carray(address_as(address, types.int64), (count,))
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def compute(machine, x):
     """Runs the program at coordinates x (searched,); the outputs then hold offset and coefficients."""
     registers = _reals(machine.registers, machine.registers_count)
@@ -83,7 +84,7 @@ def compute(machine, x):
         call_kernel(machine.kernel, machine.code, machine.instructions, machine.slots, machine.scalars, n)
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def project(machine, target, c):
     """The best linear coefficients c (linear,) for the outputs as they stand, and their sum of squares."""
     k = c.shape[0]
@@ -100,7 +101,7 @@ def project(machine, target, c):
     return value if np.isfinite(value) else np.inf
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def objective(machine, target, x, c):
     """The sum of squares of a target at coordinates x, which are clipped into the box in place."""
     box = _reals(machine.box, 2, machine.searched)
@@ -110,14 +111,14 @@ def objective(machine, target, x, c):
     return project(machine, target, c)
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _copy(target, source):
     """target = source, rows of equal length; a loop compiles ten times faster than a general assignment."""
     for i in range(source.shape[0]):
         target[i] = source[i]
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _sort(points, values):
     """Insertion sort of the simplex by value."""
     d = points.shape[1]
@@ -130,7 +131,7 @@ def _sort(points, values):
             j -= 1
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _converged(points, values, tolerance):
     """Whether the simplex is flat in value, and small, both relative to `tolerance`."""
     if not values[-1] - values[0] <= tolerance * abs(values[0]):
@@ -142,7 +143,7 @@ def _converged(points, values, tolerance):
     return extent <= np.sqrt(tolerance)
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def nelder_mead(machine, target, x, step, limit, tolerance, c):
     """Minimises from x (d,) in place, within `limit` evaluations (Nelder and Mead 1965, standard coefficients).
 
@@ -203,7 +204,7 @@ def nelder_mead(machine, target, x, step, limit, tolerance, c):
     return values[0], used
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _table_row(machine, x, row, c):
     """The sums of squares of all targets at coordinates x, for one run of the program."""
     compute(machine, x)
@@ -211,7 +212,7 @@ def _table_row(machine, x, row, c):
         row[target] = project(machine, target, c)
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _descend(machine, target, start, settings, best_x, best_value, c):
     """One descent from a start; keeps the result where it is the target's best. Returns the evaluations."""
     x = np.empty(start.shape[0])
@@ -223,7 +224,7 @@ def _descend(machine, target, start, settings, best_x, best_value, c):
     return used
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _best_row(table, target, count, taken):
     """The finite row of `table[:count]` that is best for the target and not taken; -1 for none."""
     row = -1
@@ -233,7 +234,7 @@ def _best_row(table, target, count, taken):
     return row
 
 
-@njit(**_EXACT)
+@njit(**_ENTRY)
 def fit_targets(machine, starts, settings, best_x, best_value):
     """Fits every target from shared starts (s, d); fills best_x (t, d) and best_value (t,).
 
@@ -268,7 +269,7 @@ def fit_targets(machine, starts, settings, best_x, best_value):
     return used
 
 
-@njit(**_EXACT)
+@njit(**_INNER)
 def _exchange(machine, settings, rank, best_x, best_value, c):
     """Every target descends once from the optimum of another that suits it best, or `rank` places after."""
     t = best_value.shape[0]
@@ -291,7 +292,7 @@ def _exchange(machine, settings, rank, best_x, best_value, c):
     return used
 
 
-@njit(**_EXACT)
+@njit(**_ENTRY)
 def polish_targets(machine, settings, best_x, best_value, best_c):
     """Descends once more from each target's best (t, d) with a small fresh simplex; fills best_c (t, k) too."""
     used = 0
