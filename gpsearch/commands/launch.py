@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
+from fitters.engine.warm import warm_up
 from gpsearch.commands.estimate import estimate
 from gpsearch.commands.progress import ProgressWatcher, duration
 from gpsearch.commands.runs import write_text
@@ -78,6 +79,9 @@ def _store(folder: Path, configuration: Configuration) -> Store:
 
 
 def _search(planned: Plan, store: Store, configuration: Configuration, console: Console) -> None:
+    if not _is_remote(configuration):
+        with console.status("loading the fit engine (compiled once on a machine, half a minute)"):
+            warm_up()
     with (
         open_executor(executor_settings(configuration)) as executor,
         ProgressWatcher(console, planned.budget) as watcher,
@@ -117,6 +121,10 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     if len(front) > SUMMARY_ROWS:
         click.echo(f"({len(front) - SUMMARY_ROWS} smaller ones are in the export)")
     click.echo(f"front: {folder / 'front.json'}   picture: {folder / 'front.png'}")
+
+
+def _is_remote(configuration: Configuration) -> bool:
+    return isinstance(configuration.executor, DaskExecutor) and configuration.executor.scheduler is not None
 
 
 def executor_settings(configuration: Configuration) -> Settings:
