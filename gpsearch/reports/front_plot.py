@@ -45,7 +45,7 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
     axes.set_ylabel(f"error ({run['metric']} metric, relative)")
     axes.set_title(
         f"{run['name']}: {len(run['materials'])} materials, {run['candidates']:,} candidates"
-        f" in {run['seconds'] / 60:.1f} minutes",
+        f" in {max(run['seconds'] / 60, 0.1):.2g} min",
         fontsize=10,
         color=TEXT_COLOUR,
     )
