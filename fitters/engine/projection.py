@@ -13,7 +13,7 @@ from numba import njit
 from fitters.engine.math32 import FLAGS, ZERO, load
 
 _LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-_INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER = {"error_model": "numpy"}
 _ENTRY = {"error_model": "numpy", "cache": True}
 
 BLOCK = 1024

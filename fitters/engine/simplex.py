@@ -13,7 +13,7 @@ from fitters.engine.machine import run_scalars
 from fitters.engine.math32 import address_as, call_kernel
 from fitters.engine.projection import BLOCK, normal_equations, solve_box, sum_of_squares
 
-_INNER = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_INNER = {"error_model": "numpy"}
 _ENTRY = {"error_model": "numpy", "cache": True}
 
 MACHINE = np.dtype(
