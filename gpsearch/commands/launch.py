@@ -65,7 +65,10 @@ def _store(folder: Path, configuration: Configuration) -> Store:
             store.configuration, source=str(store.path), folder=configuration.folder, check_files=False
         )
         conflicts = configuration.conflicts(before)
-        if conflicts:
+        if conflicts and not store.totals()[0]:
+            # Nothing was found yet: whoever mends a configuration that failed at its first launch starts anew.
+            store.clear()
+        elif conflicts:
             store.close()
             changed = "\n".join(f"  {conflict}" for conflict in conflicts)
             raise GpsearchError(

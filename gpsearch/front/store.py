@@ -89,6 +89,13 @@ class Store:
             )
         return cls(path, connection)
 
+    def clear(self) -> None:
+        """Forgets all but what kind of store this is."""
+        with self.transaction():
+            for table in ("islands", "fits", "front", "baselines", "generations", "events"):
+                self._connection.execute(f"DELETE FROM {table}")
+            self._connection.execute("DELETE FROM meta WHERE key = 'seconds'")
+
     def close(self) -> None:
         self._connection.close()
 

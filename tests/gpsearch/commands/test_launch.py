@@ -175,6 +175,16 @@ def test_a_truncated_material_is_refused_and_the_run_goes_on_once_it_is_whole(fo
     assert result.returncode == 0, result.stderr
 
 
+def test_a_configuration_may_change_as_long_as_nothing_was_found(folder):
+    (folder / "steel.binary").write_bytes(HEADER + bytes(1000))
+    (folder / "small.yaml").write_text(small_text(materials=["steel.binary"]))
+    refused_after_start(gpsearch("launch", "small.yaml", "--run", "run", cwd=folder), 2)
+    (folder / "small.yaml").write_text(small_text(budget={"generations": 1}))
+    result = gpsearch("launch", "small.yaml", "--run", "run", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    assert json.loads((folder / "run/front.json").read_text())["run"]["materials"] == ["metal"]
+
+
 def refused_after_start(result: subprocess.CompletedProcess[str], status: int) -> str:
     """As `refused`; a line about the start comes before the message."""
     lines = refused(result, status).splitlines()
