@@ -34,16 +34,10 @@ class FitJob:
 
 @dataclass(frozen=True)
 class DescriptionJob:
-    """A confirmed fit to describe, with the bounds and settings that it was found with."""
+    """A confirmed fit to describe, and the job, of this one expression, that found it."""
 
-    expression: str
+    job: FitJob
     fit: Fit
-    bounds: tuple[tuple[str, float, float], ...]
-    settings: FitSettings
-
-    @property
-    def intervals(self) -> Bounds:
-        return {name: (low, high) for name, low, high in self.bounds}
 
 
 @dataclass(frozen=True)
@@ -86,16 +80,17 @@ def _confirm(problem: FitProblem, text: str, job: FitJob) -> Confirmed:
     return Confirmed(found, screened.error, time.perf_counter() - started)
 
 
-def describe(problem: FitProblem, job: DescriptionJob) -> Description:
+def describe(problem: FitProblem, task: DescriptionJob) -> Description:
     """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
-    expression, bounds, settings = parse(job.expression), job.intervals, job.settings.thorough()
+    job = task.job
+    expression = parse(job.expressions[0])
     found = refit(
         expression,
         problem.full,
         problem.metric,
-        bounds,
-        job.fit,
-        settings,
+        job.intervals,
+        task.fit,
+        job.settings.thorough(),
         evaluations=POLISH_EVALUATIONS,
     )
     exact = exact_errors(expression, problem, found)

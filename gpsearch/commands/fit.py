@@ -42,8 +42,9 @@ def fit(model: str, materials: tuple[str, ...], light: str, metric: str, as_json
     )
     text, bounds = _model(model)
     problem = build_problem(recipe)
-    confirmed = confirm(problem, FitJob((text,), bounds, FitSettings()))[0]
-    description = describe(problem, DescriptionJob(text, confirmed.fit, bounds, FitSettings()))
+    job = FitJob((text,), bounds, FitSettings())
+    confirmed = confirm(problem, job)[0]
+    description = describe(problem, DescriptionJob(job, confirmed.fit))
     found, names = description.fit, problem.materials
     report = {
         "model": model,

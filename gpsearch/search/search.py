@@ -94,10 +94,7 @@ class Search:
         jobs = [self.plan.baseline_job(name) for name in names]
         self.watcher.stage("baselines", 2 * len(names))
         confirmed = {names[i]: found[0] for i, found in self._run(confirm, jobs, "baseline")}
-        tasks = [
-            DescriptionJob(job.expressions[0], confirmed[name].fit, job.bounds, job.settings)
-            for name, job in zip(names, jobs, strict=True)
-        ]
+        tasks = [DescriptionJob(job, confirmed[name].fit) for name, job in zip(names, jobs, strict=True)]
         for i, description in self._run(describe, tasks, "describe-baseline"):
             with self.store.transaction():
                 self.store.save_baseline(names[i], description, confirmed[names[i]].seconds)
@@ -109,8 +106,7 @@ class Search:
         if not members:
             return
         self.watcher.stage("describing the front", len(members))
-        plan = self.plan
-        jobs = [DescriptionJob(m.expression, m.fit, plan.bounds, plan.settings) for m in members]
+        jobs = [DescriptionJob(self.plan.job(member.expression), member.fit) for member in members]
         for i, description in self._run(describe, jobs, "describe"):
             with self.store.transaction():
                 self.store.save_description(members[i].expression, description)

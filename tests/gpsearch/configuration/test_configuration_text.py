@@ -1,7 +1,5 @@
 """The resolved text of a configuration, and how two configurations compare."""
 
-import hashlib
-
 import pytest
 import yaml
 from hypothesis import given, settings
@@ -47,7 +45,16 @@ def test_the_resolved_text_loads_back_to_an_equal_configuration(tmp_path_factory
     again = read(configuration.text())
     assert again == configuration
     assert again.text() == configuration.text()
-    assert again.sha256 == configuration.sha256 == hashlib.sha256(configuration.text().encode()).hexdigest()
+    assert again.sha256 == configuration.sha256
+
+
+def test_the_hash_is_of_all_that_decides_what_is_found(tmp_path):
+    def sha256(**changes) -> str:
+        text = yaml.safe_dump({"materials": ["x.bsdf"], **changes})
+        return parse_configuration(text, source="a.yaml", folder=tmp_path, check_files=False).sha256
+
+    assert sha256() == sha256(executor="dask") == sha256(executor={"kind": "dask", "scheduler": "tcp://a:1"})
+    assert len({sha256(), sha256(seed=1), sha256(metric="compressive"), sha256(search={"islands": 3})}) == 4
     assert not again.differences(configuration)
 
 
