@@ -8,16 +8,18 @@ from numpy.typing import NDArray
 from fitters.engine.machine import kernel_address
 from fitters.engine.program import lower
 from fitters.engine.projection import BLOCK
-from fitters.engine.simplex import MACHINE, Descent, fit_targets, polish_targets
+from fitters.engine.multistart import Descent, fit_targets, polish_targets
+from fitters.engine.objective import MACHINE
 from fitters.expressions.expression import Expression
 from fitters.grid import Array
 
 
 class Prepared:
-    """Keeps alive all arrays that the record `machine` has the addresses of.
+    """Keeps alive all arrays that its records have the addresses of: `machine` over all cells, `coarse` over few.
 
     features: each (n,) float64; weights and weighted (weights times measured values): (targets, n) float32,
-    contiguous; bounds: an interval per parameter, searched in the logarithm where it is positive.
+    contiguous; coarse: such a pair (targets, m) for the first m cells alone, by default the same as for all;
+    bounds: an interval per parameter, searched in the logarithm where it is positive.
     """
 
     def __init__(
@@ -27,6 +29,7 @@ class Prepared:
         weights: NDArray[np.float32],
         weighted: NDArray[np.float32],
         bounds: Mapping[str, tuple[float, float]],
+        coarse: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
     ) -> None:
         self.program = program = lower(expression)
         self.low, self.high = _intervals(program.searched, bounds)
@@ -35,6 +38,7 @@ class Prepared:
             box[self.logarithmic] = np.log(box[self.logarithmic])
         self._kept: list[NDArray] = [weights, weighted]
         self.machine = self._record(features, weights, weighted, np.stack(_intervals(program.linear, bounds)))
+        self.coarse = self.machine if coarse is None else self._over_first_cells(*coarse)
 
     @property
     def searched(self) -> int:
@@ -42,13 +46,13 @@ class Prepared:
         return len(self.program.searched)
 
     def fit(self, starts: Array, descent: Descent, x: NDArray[np.float64], value: NDArray[np.float64]) -> int:
-        """`simplex.fit_targets`: fills x (targets, searched) and value (targets,); returns evaluations."""
-        return int(fit_targets(self.machine, starts, descent, x, value))
+        """`multistart.fit_targets` over the coarse cells: fills x (targets, searched) and value (targets,)."""
+        return int(fit_targets(self.coarse, starts, descent, x, value))
 
     def polish(
         self, descent: Descent, x: NDArray[np.float64], value: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], int]:
-        """`simplex.polish_targets`: improves x and value in place; returns coefficients and evaluations."""
+        """`multistart.polish_targets` over all cells: improves x and value; returns coefficients, evaluations."""
         c = np.zeros((len(value), len(self.program.linear)))
         return c, int(polish_targets(self.machine, descent, x, value, c))
 
@@ -104,6 +108,15 @@ class Prepared:
             "cells": n,
         }
         return np.array([tuple(fields[name] for name in MACHINE.names or ())], MACHINE)[0]
+
+    def _over_first_cells(self, weights: NDArray, weighted: NDArray) -> np.void:
+        """The record over as many of the first cells as there are columns: only weights and targets differ."""
+        record = np.array(self.machine, MACHINE)
+        record["weights"] = self._address(np.array(_rows(weights), np.int64))
+        record["weighted"] = self._address(np.array(_rows(weighted), np.int64))
+        record["cells"] = weights.shape[1]
+        self._kept += [weights, weighted]
+        return record[()]
 
     def _address(self, array: NDArray) -> int:
         self._kept.append(array)

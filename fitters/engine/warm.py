@@ -3,7 +3,7 @@
 import numpy as np
 
 from fitters.engine.prepared import Prepared
-from fitters.engine.simplex import Descent
+from fitters.engine.multistart import Descent
 from fitters.expressions.evaluation import FEATURES
 from fitters.expressions.text import parse
 

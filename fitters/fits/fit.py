@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.engine.prepared import Prepared
-from fitters.engine.simplex import Descent
+from fitters.engine.multistart import Descent
 from fitters.errors import FittersError
 from fitters.expressions import Expression, to_text
 from fitters.fits.metrics import Metric
@@ -135,7 +135,8 @@ def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
     missing = [name for name in expression.parameters if name not in bounds]
     if missing:
         raise FittersError(f"no bounds for {', '.join(missing)} of {to_text(expression)}")
-    return Prepared(expression, cells.features, cells.weights, cells.targets, bounds)
+    coarse = cells.coarse and (cells.coarse.weights, cells.coarse.targets)
+    return Prepared(expression, cells.features, cells.weights, cells.targets, bounds, coarse)
 
 
 def _finished(

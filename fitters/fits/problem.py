@@ -23,7 +23,18 @@ SHARES = {"uniform": 0.2, "light": 0.3, "energy": 0.5}
 Energy is where a good formula is judged, light where a bad one may go wrong unseen.
 """
 
+COARSE = 4
+"""Of so many draws of a sample one belongs to its coarse part."""
+
 CHANNELS = ("red", "green", "blue")
+
+
+@dataclass(frozen=True, eq=False)
+class Coarse:
+    """A smaller sample, which a larger one begins with: weights and targets (targets, m) for its first m cells."""
+
+    weights: NDArray[np.float32]
+    targets: NDArray[np.float32]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +46,7 @@ class Cells:
     weights:  (targets, n) float32, w / s of the metric times the square root of the sampling weight; 0 where
               the target is not valid
     targets:  (targets, n) float32, weights times measured value
+    coarse:   where the search for the right valley may begin; None where it must use all
 
     so that a target's error is || weights f - targets ||.
     """
@@ -43,18 +55,28 @@ class Cells:
     features: dict[str, Array]
     weights: NDArray[np.float32]
     targets: NDArray[np.float32]
+    coarse: Coarse | None = None
 
     def __len__(self) -> int:
         return len(self.index)
 
-    def take(self, chosen: NDArray[np.int64], sampling_weights: Array) -> "Cells":
-        """The chosen cells (k,), each standing for `sampling_weights` (k,) of them."""
-        root = np.sqrt(sampling_weights).astype(np.float32)
+    def take(self, chosen: NDArray[np.int64], sampling_weights: Array, coarse_weights: Array) -> "Cells":
+        """The chosen cells (k,), each standing for `sampling_weights` (k,) of them.
+
+        The first of them are a smaller sample too, in which each stands for `coarse_weights` (m,) cells.
+        """
+        weights, targets = self.weights[:, chosen], self.targets[:, chosen]
+        root, coarse_root = (np.sqrt(w).astype(np.float32) for w in (sampling_weights, coarse_weights))
+        m = len(coarse_root)
         return Cells(
             index=self.index[chosen],
             features={name: np.ascontiguousarray(values[chosen]) for name, values in self.features.items()},
-            weights=np.ascontiguousarray(self.weights[:, chosen] * root),
-            targets=np.ascontiguousarray(self.targets[:, chosen] * root),
+            weights=np.ascontiguousarray(weights * root),
+            targets=np.ascontiguousarray(targets * root),
+            coarse=Coarse(
+                np.ascontiguousarray(weights[:, :m] * coarse_root),
+                np.ascontiguousarray(targets[:, :m] * coarse_root),
+            ),
         )
 
 
@@ -164,8 +186,16 @@ def sample(cells: Cells, count: int, seed: int) -> Cells:
     cumulative = np.cumsum(probability)
     offset = np.random.default_rng(seed).random()
     points = (np.arange(count) + offset) / count * cumulative[-1]
-    drawn, times = np.unique(np.minimum(np.searchsorted(cumulative, points), n - 1), return_counts=True)
-    return cells.take(drawn, times / (count * probability[drawn]))
+    drawn = np.minimum(np.searchsorted(cumulative, points), n - 1)
+    # Every so many-th draw is a sample of its own; its cells come first.
+    coarse, coarse_times = np.unique(drawn[::COARSE], return_counts=True)
+    cells_drawn, times = np.unique(drawn, return_counts=True)
+    first = np.isin(cells_drawn, coarse)
+    order = np.concatenate([np.flatnonzero(first), np.flatnonzero(~first)])
+    chosen = cells_drawn[order]
+    expected = count * probability[chosen]
+    coarse_expected = len(drawn[::COARSE]) * probability[coarse]
+    return cells.take(chosen, times[order] / expected, coarse_times / coarse_expected)
 
 
 def _mean_share(rows: NDArray[np.float32]) -> Array:

@@ -1,0 +1,211 @@
+"""One form for expressions that compute the same: by it fits are remembered.
+
+Sums and products are flattened and sorted, constants folded, neutral elements dropped, dot products reduced to the
+features they are, and parameters numbered in the order in which they then occur. Only rounding tells the values of
+the canonical form from those of the original. Nothing is cancelled or distributed: x / x at 0 is not a number in
+both. Formulas that are equal for deeper reasons keep their forms apart, which costs a fit, not a mistake.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+from zlib import crc32
+
+import numpy as np
+
+from fitters.expressions import grammar
+from fitters.expressions.evaluation import FUNCTIONS, dot_feature
+from fitters.expressions.expression import Expression
+
+_DOTS = {
+    "wi.wo": ("wi", "wo"),
+    "wi.wh": ("wi", "wh"),
+    "wo.wr": ("wo", "wr"),
+    "wh.wr": ("wh", "wr"),
+    "2 wi.z^2 - 1": ("wi", "wr"),
+}
+_UNORDERED = frozenset(("sum", "product", "max", "min"))
+
+
+@dataclass(frozen=True)
+class Canonical:
+    """The canonical form, and what each parameter of the original is called in it."""
+
+    expression: Expression
+    names: Mapping[str, str]
+
+
+class _Node(NamedTuple):
+    """A node of a tree with `sum` and `product` of any number of children; `inverse` occurs in products only."""
+
+    symbol: str
+    children: tuple["_Node", ...] = ()
+    value: float | None = None
+
+
+_ONE = _Node("constant", value=1.0)
+_MINUS_ZERO = _Node("neg", (_Node("constant", value=0.0),))
+_INFINITE = _Node("inverse", (_Node("constant", value=0.0),))
+
+
+@lru_cache(maxsize=8192)
+def canonical(expression: Expression) -> Canonical:
+    """The canonical form of an expression; that of a canonical form is itself."""
+    flat = _flat(expression)
+    contexts: dict[str, list[int]] = {}
+    _collect_contexts(flat, 0, contexts)
+    _, ordered = _ordered(flat, {name: ".".join(map(str, sorted(found))) for name, found in contexts.items()})
+    names: dict[str, str] = {}
+    return Canonical(_emit(ordered, names), names)
+
+
+def _flat(node: Expression) -> _Node:
+    symbol = node.symbol
+    if symbol == "dot":
+        feature = dot_feature(node.children[0].symbol, node.children[1].symbol)
+        return _ONE if feature == "1" else _Node(feature)
+    if not node.children:
+        if grammar.kind(symbol) == "constant":
+            return _Node("constant", value=grammar.value(symbol))
+        return _Node("wi.z" if symbol == "wr.z" else symbol)
+    children = tuple(_flat(child) for child in node.children)
+    folded = _folded(symbol, children)
+    if folded is not None:
+        return folded
+    if symbol == "neg":
+        return _negated(children[0])
+    if symbol in ("add", "sub"):
+        return _sum(children[0], children[1] if symbol == "add" else _negated(children[1]))
+    if symbol in ("mul", "div"):
+        return _product(children[0], children[1], inverse=symbol == "div")
+    if symbol == "pow" and children[1] == _ONE:
+        return children[0]
+    return _Node(symbol, children)
+
+
+def _folded(symbol: str, children: tuple[_Node, ...]) -> _Node | None:
+    values = [child.value for child in children if child.value is not None]
+    if len(values) < len(children):
+        return None
+    with np.errstate(all="ignore"):
+        value = float(FUNCTIONS[symbol](*map(np.float64, values)))
+    # -0.0 is left alone: its reciprocal has the other sign.
+    return _Node("constant", value=value) if np.isfinite(value) and (value or not np.signbit(value)) else None
+
+
+def _negated(node: _Node) -> _Node:
+    if node.value:
+        return _Node("constant", value=-node.value)
+    if node.symbol == "neg":
+        return node.children[0]
+    if node.symbol == "sum":
+        return _Node("sum", tuple(_negated(child) for child in node.children))
+    return _Node("neg", (node,))
+
+
+def _sum(*parts: _Node) -> _Node:
+    """A flat sum; at most one constant in it, and not 0."""
+    terms = [term for part in parts for term in (part.children if part.symbol == "sum" else (part,))]
+    rest = [term for term in terms if term.value is None and term != _MINUS_ZERO]
+    constant = sum(term.value for term in terms if term.value is not None)
+    if constant != 0.0 or not rest:
+        rest.append(_Node("constant", value=constant))
+    return rest[0] if len(rest) == 1 else _Node("sum", tuple(rest))
+
+
+def _product(first: _Node, second: _Node, *, inverse: bool) -> _Node:
+    """A flat product, its sign outside; at most one constant in it, and not 1."""
+    negative, factors = False, []
+    for part, inverted in ((first, False), (second, inverse)):
+        if part.symbol == "neg":
+            negative, part = not negative, part.children[0]
+        for factor in part.children if part.symbol == "product" else (part,):
+            factors.append(_inverse(factor) if inverted else factor)
+    constant, rest = 1.0, []
+    for factor in factors:
+        if factor.value is not None and np.isfinite(constant * factor.value):
+            constant *= factor.value
+        elif factor != _INFINITE or factor not in rest:
+            rest.append(factor)
+    negative = negative != (constant < 0)
+    if abs(constant) != 1.0 or not rest:
+        rest.append(_Node("constant", value=abs(constant)))
+    product = rest[0] if len(rest) == 1 and rest[0].symbol != "inverse" else _Node("product", tuple(rest))
+    return _negated(product) if negative else product
+
+
+def _inverse(factor: _Node) -> _Node:
+    if factor.symbol == "inverse":
+        return factor.children[0]
+    if factor.value is not None and factor.value != 0.0 and np.isfinite(1.0 / factor.value):
+        return _Node("constant", value=1.0 / factor.value)
+    return _Node("inverse", (factor,))
+
+
+def _collect_contexts(node: _Node, path: int, contexts: dict[str, list[int]]) -> None:
+    """Where each parameter occurs, as check sums of the symbols above it: what tells parameters from one another."""
+    if not node.children:
+        if grammar.is_parameter(node.symbol):
+            contexts.setdefault(node.symbol, []).append(path)
+        return
+    for place, child in enumerate(node.children):
+        position = "" if node.symbol in _UNORDERED else str(place)
+        _collect_contexts(child, crc32(f"{node.symbol}{position}".encode(), path), contexts)
+
+
+def _ordered(node: _Node, signatures: Mapping[str, str]) -> tuple[str, _Node]:
+    """A node with its unordered children sorted, and the key by which it is sorted itself."""
+    if not node.children:
+        text = repr(node.value) if node.value is not None else f"p{signatures.get(node.symbol, node.symbol)}"
+        return text, node
+    pairs = [_ordered(child, signatures) for child in node.children]
+    if node.symbol in _UNORDERED:
+        pairs.sort(key=lambda pair: pair[0])
+    key = f"{node.symbol}({','.join(key for key, _ in pairs)})"
+    return key, _Node(node.symbol, tuple(child for _, child in pairs))
+
+
+def _emit(node: _Node, names: dict[str, str]) -> Expression:
+    if node.value is not None:
+        constant = Expression(grammar.constant(abs(node.value)))
+        return Expression("neg", (constant,)) if node.value < 0 else constant
+    if node.symbol in _DOTS:
+        return Expression("dot", tuple(map(Expression, _DOTS[node.symbol])))
+    if grammar.is_parameter(node.symbol):
+        return Expression(names.setdefault(node.symbol, f"p{len(names)}"))
+    if node.symbol == "sum":
+        return _emit_pair(node.children, "neg", "add", "sub", names)
+    if node.symbol == "product":
+        return _emit_pair(node.children, "inverse", "mul", "div", names)
+    return Expression(node.symbol, tuple(_emit(child, names) for child in node.children))
+
+
+def _emit_pair(
+    children: tuple[_Node, ...], marked: str, joining: str, parting: str, names: dict[str, str]
+) -> Expression:
+    """A sum of plain terms minus that of the negated ones; a product of plain factors over that of the inverse."""
+    plain = [_emit(child, names) for child in children if not _is_marked(child, marked)]
+    other = [
+        _emit(_negated(child) if marked == "neg" else child.children[0], names)
+        for child in children
+        if _is_marked(child, marked)
+    ]
+    if not other:
+        return _joined(plain, joining)
+    if plain:
+        return Expression(parting, (_joined(plain, joining), _joined(other, joining)))
+    rest = _joined(other, joining)
+    return Expression("neg", (rest,)) if marked == "neg" else Expression("div", (Expression("1"), rest))
+
+
+def _is_marked(node: _Node, marked: str) -> bool:
+    return node.symbol == marked or (marked == "neg" and node.value is not None and node.value < 0)
+
+
+def _joined(parts: list[Expression], symbol: str) -> Expression:
+    """A balanced tree of one operator."""
+    while len(parts) > 1:
+        rest = parts[-1:] if len(parts) % 2 else []
+        parts = [Expression(symbol, pair) for pair in zip(parts[::2], parts[1::2], strict=False)] + rest
+    return parts[0]
