@@ -57,24 +57,23 @@ def fit_targets(machine, starts, settings, best_x, best_value):
     s, d = starts.shape
     t = best_value.shape[0]
     table, c = np.empty((s, t)), np.zeros(machine.linear)
+    nothing = np.zeros(s, np.bool_)
     for i in range(s):
         _table_row(machine, starts[i], table[i], c)
     used = s
-    following = 0
+    taken = np.zeros(s, np.bool_)
     for target in range(t):
         best_value[target] = np.inf
         copy(best_x[target], starts[0])
-        taken = np.zeros(s, np.bool_)
-        for restart in range(min(settings.restarts, s)):
-            row = _best_row(table, target, s, taken)
-            if row >= 0 and restart > 0:
-                while taken[following % s] or not np.isfinite(table[following % s, target]):
-                    following += 1
-                row = following % s
-            if row < 0:
-                break
-            taken[row] = True
-            used += _descend(machine, target, starts[row], settings, best_x, best_value, c)
+    for restart in range(min(settings.restarts, s)):
+        for target in range(t):
+            if restart == 0:
+                row = _best_row(table, target, s, nothing)
+            else:
+                row = _best_row(table, target, s, taken)
+            if row >= 0:
+                taken[row] = True
+                used += _descend(machine, target, starts[row], settings, best_x, best_value, c)
     for rank in range(settings.rounds if d > 0 else 0):
         used += _exchange(machine, settings, rank, best_x, best_value, c)
     return used
@@ -110,7 +109,7 @@ def polish_targets(machine, settings, best_x, best_value, best_c):
     x = np.empty(best_x.shape[1])
     for target in range(best_value.shape[0]):
         copy(x, best_x[target])
-        value, evaluations = nelder_mead(
+        _, evaluations = nelder_mead(
             machine,
             target,
             x,
@@ -120,7 +119,6 @@ def polish_targets(machine, settings, best_x, best_value, best_c):
             best_c[target],
         )
         used += evaluations
-        if not value > best_value[target]:
-            copy(best_x[target], x)
+        copy(best_x[target], x)
         best_value[target] = objective(machine, target, best_x[target], best_c[target])
     return used

@@ -21,8 +21,8 @@ from fitters.grid import Array
 Bounds = Mapping[str, tuple[float, float]]
 """Closed interval per parameter, `p0`..; a positive lower bound makes a simplex search its logarithm."""
 
-USUAL = (1e-3, 1e2)
-"""Where every other start lies, within the bounds: parameters of published fits rarely lie outside."""
+RANGES = ((1e-2, 5.0), (1e-3, 1e2), (1e-2, 5.0), (1e-300, 1e300))
+"""Starts take turns in these ranges, within the bounds: most parameters of published fits lie in the narrowest."""
 
 STEP = 0.5
 """Extent of the first simplex, in logarithms as a rule."""
@@ -164,7 +164,10 @@ def _starts(expression: Expression, low: Array, high: Array, count: int) -> Arra
         ratio = (1.0 + ratio) ** (1.0 / (d + 1))
     steps = ratio ** -np.arange(1, d + 1)
     points = np.mod(np.random.default_rng(seed).random(d) + np.outer(np.arange(count), steps), 1.0)
-    # Coordinates are logarithms where the parameter is bounded away from zero from below.
-    first, last = np.maximum(low, np.log(USUAL[0])), np.minimum(high, np.log(USUAL[1]))
-    usual = np.where(first < last, first + points * (last - first), low + points * (high - low))
-    return np.where((np.arange(count) % 2 == 0)[:, None], usual, low + points * (high - low))
+    for i, (least, largest) in enumerate(RANGES):
+        # Coordinates are logarithms where the parameter is bounded away from zero from below.
+        first, last = np.maximum(low, np.log(least)), np.minimum(high, np.log(largest))
+        narrow = first < last
+        first, last = np.where(narrow, first, low), np.where(narrow, last, high)
+        points[i :: len(RANGES)] = first + points[i :: len(RANGES)] * (last - first)
+    return points
