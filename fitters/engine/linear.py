@@ -20,18 +20,42 @@ def split_linear(graph: Graph, root: int) -> Affine:
 
     New nodes are added to `graph`. With no linear parameter the result is `{None: root}`.
     """
-    used = [graph.nodes[node][1] for node in graph.reachable([root]) if graph.nodes[node][0] == "param"]
-    used.sort(key=lambda name: int(name[1:]))
-    alone = [name for name in used if _affine(graph, root, {name}) is not None]
+    nodes = graph.reachable([root])
+    alone, conflicts = _linear_alone(graph, nodes)
+    alone.sort(key=lambda name: int(name[1:]))
     # A set is jointly linear where each pair of it is: only a product of two parts tells them from one.
-    pairs = {pair for pair in combinations(alone, 2) if _affine(graph, root, set(pair)) is not None}
     for count in range(min(len(alone), MAX_LINEAR), 0, -1):
         for chosen in combinations(alone, count):
-            if all(pair in pairs for pair in combinations(chosen, 2)):
+            if not any(frozenset(pair) in conflicts for pair in combinations(chosen, 2)):
                 split = _affine(graph, root, set(chosen))
                 assert split is not None
                 return split
     return {None: root}
+
+
+def _linear_alone(graph: Graph, nodes: list[int]) -> tuple[list[str], set[frozenset[str]]]:
+    """The parameters in which the last node is affine while the rest is held, and which pairs of them multiply."""
+    seen: dict[int, frozenset[str]] = {}
+    curved: dict[int, frozenset[str]] = {}
+    conflicts: set[frozenset[str]] = set()
+    nothing: frozenset[str] = frozenset()
+    for node in nodes:
+        operator, children = graph.nodes[node][0], graph.children(node)
+        if operator == "param":
+            seen[node], curved[node] = frozenset((graph.nodes[node][1],)), nothing
+            continue
+        seen[node] = nothing.union(*(seen[child] for child in children))
+        curved[node] = nothing.union(*(curved[child] for child in children))
+        if operator == "mul":
+            left, right = (seen[child] for child in children)
+            curved[node] |= left & right
+            conflicts |= {frozenset((a, b)) for a in left for b in right if a != b}
+        elif operator == "div":
+            curved[node] |= seen[children[1]]
+        elif operator not in ("neg", "add", "sub"):
+            curved[node] = seen[node]
+    last = nodes[-1]
+    return list(seen[last] - curved[last]), conflicts
 
 
 def _affine(graph: Graph, root: int, chosen: set[str]) -> Affine | None:

@@ -1,18 +1,32 @@
-"""Many descents for all targets of one expression: from a table of starts, then from the optima of other targets."""
+"""Many descents for all targets of one expression: from a table of starts, then from other targets' optima."""
 
 from collections import namedtuple
 
 import numpy as np
 from numba import njit
 
-from fitters.engine.objective import compute, objective, project
+from fitters.engine.math32 import load
+from fitters.engine.objective import compute, integers, objective, project
+from fitters.engine.projection import BLOCK, combine
 from fitters.engine.simplex import copy, nelder_mead
 
 _INNER = {"error_model": "numpy"}
 _ENTRY = {"error_model": "numpy", "cache": True}
 
-Descent = namedtuple("Descent", ["restarts", "rounds", "step", "limit", "tolerance"])
-"""Descents per target, rounds of exchange, the first simplex's extent, evaluations and tolerance of a descent."""
+Descent = namedtuple("Descent", ["restarts", "rounds", "step", "limit", "tolerance", "hopeless", "poor"])
+"""How hard a fit tries.
+
+restarts:  descents per target
+rounds:    of exchange
+step:      extent of a descent's first simplex
+limit:     evaluations of a descent
+tolerance: of a descent
+hopeless:  a sum of squares over all targets; above it, after a first descent of each, the fit is given up
+poor:      likewise, after all descents
+"""
+
+NEAR = 2.0
+"""A warm start is descended from where its sum of squares is at most so many times the best that was found."""
 
 
 @njit(**_INNER)
@@ -24,11 +38,11 @@ def _table_row(machine, x, row, c):
 
 
 @njit(**_INNER)
-def _descend(machine, target, start, settings, best_x, best_value, c):
+def _descend(machine, target, start, descent, best_x, best_value, c):
     """One descent from a start; keeps the result where it is the target's best. Returns the evaluations."""
     x = np.empty(start.shape[0])
     copy(x, start)
-    value, used = nelder_mead(machine, target, x, settings.step, settings.limit, settings.tolerance, c)
+    value, used = nelder_mead(machine, target, x, descent.step, descent.limit, descent.tolerance, c)
     if value < best_value[target]:
         best_value[target] = value
         copy(best_x[target], x)
@@ -36,51 +50,74 @@ def _descend(machine, target, start, settings, best_x, best_value, c):
 
 
 @njit(**_INNER)
-def _best_row(table, target, count, taken):
-    """The finite row of `table[:count]` that is best for the target and not taken; -1 for none."""
+def _best_row(table, target, taken):
+    """The finite row of the table that is best for the target and not taken; -1 for none."""
     row = -1
-    for i in range(count):
+    for i in range(table.shape[0]):
         if not taken[i] and np.isfinite(table[i, target]) and (row < 0 or table[i, target] < table[row, target]):
             row = i
     return row
 
 
+@njit(**_INNER)
+def _total(values):
+    total = 0.0
+    for value in values:
+        total += value
+    return total
+
+
 @njit(**_ENTRY)
-def fit_targets(machine, starts, settings, best_x, best_value):
+def fit_targets(machine, starts, near, descent, best_x, best_value):
     """Fits every target from shared starts (s, d); fills best_x (t, d) and best_value (t,).
 
-    All starts are evaluated once for all targets, since only the closed-form part differs between them. A
-    target first descends from its best start and from others in turn: the best start is often in the wrong
-    valley, and no two targets take the same others. Then, in rounds, every target descends from the optima of
-    others that suit it best. Returns the number of evaluations.
+    All starts are evaluated once for all targets, since only the closed-form part differs between them. A target
+    first descends from its best start, then from the best of those that no target has taken: the best start is
+    often in the wrong valley, and it is enough that one target finds the right one. For then, in rounds, every
+    target descends from the optima of others that suit it best. Last come warm starts `near` (t or 0, d), one per
+    target: they can only lower what was found without them.
+
+    Returns the number of evaluations and whether the fit was carried through, not given up on the way.
     """
-    s, d = starts.shape
-    t = best_value.shape[0]
-    table, c = np.empty((s, t)), np.zeros(machine.linear)
-    nothing = np.zeros(s, np.bool_)
-    for i in range(s):
+    t, d = best_x.shape
+    table, c = np.empty((starts.shape[0], t)), np.zeros(machine.linear)
+    for i in range(starts.shape[0]):
         _table_row(machine, starts[i], table[i], c)
-    used = s
-    taken = np.zeros(s, np.bool_)
     for target in range(t):
         best_value[target] = np.inf
         copy(best_x[target], starts[0])
-    for restart in range(min(settings.restarts, s)):
+    used = starts.shape[0] + _descend_from_table(machine, starts, table, descent, best_x, best_value, c)
+    if _total(best_value) > descent.hopeless:
+        return used, False
+    for rank in range(descent.rounds if d > 0 else 0):
+        used += _exchange(machine, descent, rank, best_x, best_value, c)
+    x = np.empty(d)
+    for target in range(near.shape[0]):
+        copy(x, near[target])
+        used += 1
+        if objective(machine, target, x, c) <= NEAR * best_value[target]:
+            used += _descend(machine, target, near[target], descent, best_x, best_value, c)
+    return used, _total(best_value) <= descent.poor
+
+
+@njit(**_INNER)
+def _descend_from_table(machine, starts, table, descent, best_x, best_value, c):
+    s, t = table.shape
+    used = 0
+    nothing, taken = np.zeros(s, np.bool_), np.zeros(s, np.bool_)
+    for restart in range(min(descent.restarts, s)):
+        if restart == 1 and _total(best_value) > descent.hopeless:
+            break
         for target in range(t):
-            if restart == 0:
-                row = _best_row(table, target, s, nothing)
-            else:
-                row = _best_row(table, target, s, taken)
+            row = _best_row(table, target, nothing if restart == 0 else taken)
             if row >= 0:
                 taken[row] = True
-                used += _descend(machine, target, starts[row], settings, best_x, best_value, c)
-    for rank in range(settings.rounds if d > 0 else 0):
-        used += _exchange(machine, settings, rank, best_x, best_value, c)
+                used += _descend(machine, target, starts[row], descent, best_x, best_value, c)
     return used
 
 
 @njit(**_INNER)
-def _exchange(machine, settings, rank, best_x, best_value, c):
+def _exchange(machine, descent, rank, best_x, best_value, c):
     """Every target descends once from the optimum of another that suits it best, or `rank` places after."""
     t = best_value.shape[0]
     found, table = np.empty(best_x.shape), np.empty((t, t))
@@ -93,32 +130,54 @@ def _exchange(machine, settings, rank, best_x, best_value, c):
         taken[target] = True
         row = -1
         for _ in range(rank + 1):
-            row = _best_row(table, target, t, taken)
+            row = _best_row(table, target, taken)
             if row < 0:
                 break
             taken[row] = True
         if row >= 0:
-            used += _descend(machine, target, found[row], settings, best_x, best_value, c)
+            used += _descend(machine, target, found[row], descent, best_x, best_value, c)
     return used
 
 
 @njit(**_ENTRY)
-def polish_targets(machine, settings, best_x, best_value, best_c):
+def polish_targets(machine, descent, best_x, best_value, best_c):
     """Descends once more from each target's best (t, d) with a small fresh simplex; fills best_c (t, k) too."""
     used = 0
-    x = np.empty(best_x.shape[1])
     for target in range(best_value.shape[0]):
-        copy(x, best_x[target])
         _, evaluations = nelder_mead(
             machine,
             target,
-            x,
-            0.2 * settings.step,
-            settings.limit,
-            0.01 * settings.tolerance,
+            best_x[target],
+            0.2 * descent.step,
+            descent.limit,
+            0.01 * descent.tolerance,
             best_c[target],
         )
         used += evaluations
-        copy(best_x[target], x)
         best_value[target] = objective(machine, target, best_x[target], best_c[target])
     return used
+
+
+@njit(**_ENTRY)
+def state_targets(machine, best_x, best_value, best_c):
+    """The linear coefficients best_c (t, k) and sums of squares best_value (t,) at coordinates best_x (t, d)."""
+    for target in range(best_value.shape[0]):
+        best_value[target] = objective(machine, target, best_x[target], best_c[target])
+
+
+@njit(**_ENTRY)
+def add_squares(machine, x, c, squares):
+    """Adds to squares (cells,) float64 the squared weighted residuals of every target, at what `x` and `c` say."""
+    values = np.empty(BLOCK, np.float32)
+    k = machine.linear
+    for target in range(x.shape[0]):
+        compute(machine, x[target])
+        w = integers(machine.weights, target + 1)[target]
+        wy = integers(machine.weighted, target + 1)[target]
+        outputs = integers(machine.outputs, k + 1)
+        for b in range(0, machine.cells, BLOCK):
+            n, o = min(BLOCK, machine.cells - b), 4 * b
+            combine(outputs, c[target], o, n, values)
+            for i in range(n):
+                residual = values[i] * load(w + o, i) - load(wy + o, i)
+                squares[b + i] += residual * residual

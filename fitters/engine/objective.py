@@ -47,13 +47,14 @@ One record is one argument. As a tuple of arrays it was some hundred, at every c
 to compile.
 """
 
+
 @njit(**_INNER)
 def reals(address, *shape):
     return carray(address_as(address, types.float64), shape)
 
 
 @njit(**_INNER)
-def _integers(address, count):
+def integers(address, count):
     return carray(address_as(address, types.int64), (count,))
 
 
@@ -68,8 +69,8 @@ def compute(machine, x):
     scalars = carray(address_as(machine.scalars, types.float32), (machine.registers_count,))
     for i in range(machine.registers_count):
         scalars[i] = registers[i]
-    base, advance = _integers(machine.base, machine.slots_count), _integers(machine.advance, machine.slots_count)
-    slots = _integers(machine.slots, machine.slots_count)
+    base, advance = integers(machine.base, machine.slots_count), integers(machine.advance, machine.slots_count)
+    slots = integers(machine.slots, machine.slots_count)
     for b in range(0, machine.cells, BLOCK):
         for s in range(machine.slots_count):
             slots[s] = base[s] + advance[s] * b
@@ -81,9 +82,9 @@ def compute(machine, x):
 def project(machine, target, c):
     """The best linear coefficients c (linear,) for the outputs as they stand, and their sum of squares."""
     k = c.shape[0]
-    w = _integers(machine.weights, target + 1)[target]
-    wy = _integers(machine.weighted, target + 1)[target]
-    outputs = _integers(machine.outputs, k + 1)
+    w = integers(machine.weights, target + 1)[target]
+    wy = integers(machine.weighted, target + 1)[target]
+    outputs = integers(machine.outputs, k + 1)
     if k > 0:
         normal, box = reals(machine.normal, k + 1, k), reals(machine.linear_box, 2, k)
         normal_equations(outputs, w, wy, machine.cells, normal[:k], normal[k])

@@ -1,17 +1,36 @@
 """An expression made ready to be fitted on some cells: lowered, its vectors laid out, its record filled."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitters.engine.machine import kernel_address
+from fitters.engine.multistart import Descent, add_squares, fit_targets, polish_targets, state_targets
+from fitters.engine.objective import MACHINE
 from fitters.engine.program import lower
 from fitters.engine.projection import BLOCK
-from fitters.engine.multistart import Descent, fit_targets, polish_targets
-from fitters.engine.objective import MACHINE
 from fitters.expressions.expression import Expression
 from fitters.grid import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Optima:
+    """What descents have found.
+
+    x:               (targets, searched) coordinates
+    c:               (targets, linear) coefficients
+    value:           (targets,) sums of squares
+    evaluations:     of the objective, over all targets
+    carried_through: False where the fit was given up on the way
+    """
+
+    x: NDArray[np.float64]
+    c: NDArray[np.float64]
+    value: NDArray[np.float64]
+    evaluations: int = 0
+    carried_through: bool = True
 
 
 class Prepared:
@@ -45,16 +64,28 @@ class Prepared:
         """How many parameters a simplex varies."""
         return len(self.program.searched)
 
-    def fit(self, starts: Array, descent: Descent, x: NDArray[np.float64], value: NDArray[np.float64]) -> int:
-        """`multistart.fit_targets` over the coarse cells: fills x (targets, searched) and value (targets,)."""
-        return int(fit_targets(self.coarse, starts, descent, x, value))
+    def fit(self, starts: Array, near: Array, descent: Descent) -> "Optima":
+        """`multistart.fit_targets` over the coarse cells; starts (s, searched), near (targets or 0, searched)."""
+        found = self.optima(np.zeros((len(self._kept[0]), self.searched)))
+        used, carried = fit_targets(self.coarse, starts, near, descent, found.x, found.value)
+        state_targets(self.coarse, found.x, found.value, found.c)
+        return replace(found, evaluations=used, carried_through=carried)
 
-    def polish(
-        self, descent: Descent, x: NDArray[np.float64], value: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], int]:
-        """`multistart.polish_targets` over all cells: improves x and value; returns coefficients, evaluations."""
-        c = np.zeros((len(value), len(self.program.linear)))
-        return c, int(polish_targets(self.machine, descent, x, value, c))
+    def polish(self, descent: Descent, found: "Optima") -> "Optima":
+        """`multistart.polish_targets` over all cells, from optima that are there."""
+        polished = self.optima(found.x.copy())
+        used = polish_targets(self.machine, descent, polished.x, polished.value, polished.c)
+        return replace(polished, evaluations=found.evaluations + used)
+
+    def squares(self, found: "Optima") -> NDArray[np.float64]:
+        """Squared weighted residuals (n,) over all cells, summed over targets."""
+        squares = np.zeros(int(self.machine["cells"]))
+        add_squares(self.machine, found.x, found.c, squares)
+        return squares
+
+    def optima(self, x: NDArray[np.float64]) -> "Optima":
+        """Coordinates (targets, searched) with nothing known of them."""
+        return Optima(x, np.zeros((len(x), len(self.program.linear))), np.full(len(x), np.inf))
 
     def coordinates(self, parameters: Mapping[str, Array]) -> NDArray[np.float64]:
         """The simplex coordinates (targets, searched) of parameters, each (targets,)."""
@@ -63,11 +94,11 @@ class Prepared:
         x[:, self.logarithmic] = np.log(np.maximum(x[:, self.logarithmic], 1e-300))
         return np.clip(np.nan_to_num(x), self.low, self.high)
 
-    def parameters(self, x: Array, c: Array) -> dict[str, Array]:
-        """Parameters, each (targets,), of simplex coordinates and linear coefficients; in order of number."""
-        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, x, 0.0)), x)
-        found = dict(zip(self.program.searched + self.program.linear, [*values.T, *c.T], strict=True))
-        return dict(sorted(found.items(), key=lambda item: int(item[0][1:])))
+    def parameters(self, found: "Optima") -> dict[str, Array]:
+        """Parameters, each (targets,), of optima; in order of number."""
+        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, found.x, 0.0)), found.x)
+        named = dict(zip(self.program.searched + self.program.linear, [*values.T, *found.c.T], strict=True))
+        return dict(sorted(named.items(), key=lambda item: int(item[0][1:])))
 
     def _record(
         self, features: dict[str, Array], weights: NDArray, weighted: NDArray, linear_box: Array
@@ -116,7 +147,7 @@ class Prepared:
         record["weighted"] = self._address(np.array(_rows(weighted), np.int64))
         record["cells"] = weights.shape[1]
         self._kept += [weights, weighted]
-        return record[()]
+        return record.reshape(1)[0]
 
     def _address(self, array: NDArray) -> int:
         self._kept.append(array)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fitters.engine.prepared import Prepared
 from fitters.engine.multistart import Descent
+from fitters.engine.prepared import Prepared
 from fitters.expressions.evaluation import FEATURES
 from fitters.expressions.text import parse
 
@@ -17,7 +17,6 @@ def warm_up() -> None:
     ones = np.ones((1, len(cells)), np.float32)
     bounds = {"p0": (0.1, 1.0), "p1": (0.1, 2.0)}
     prepared = Prepared(parse("p0 * pow(wh.z, p1)"), dict.fromkeys(FEATURES, cells), ones, ones, bounds)
-    x, value = np.zeros((1, 1)), np.full(1, np.inf)
-    descent = Descent(1, 1, 0.5, 4, 1e-3)
-    prepared.fit(np.zeros((1, 1)), descent, x, value)
-    prepared.polish(descent, x, value)
+    descent = Descent(1, 1, 0.5, 4, 1e-3, np.inf, np.inf)
+    found = prepared.fit(np.zeros((1, 1)), np.zeros((0, 1)), descent)
+    prepared.squares(prepared.polish(descent, found))

@@ -8,7 +8,6 @@ both. Formulas that are equal for deeper reasons keep their forms apart, which c
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 from zlib import crc32
 
@@ -17,6 +16,7 @@ import numpy as np
 from fitters.expressions import grammar
 from fitters.expressions.evaluation import FUNCTIONS, dot_feature
 from fitters.expressions.expression import Expression
+from fitters.expressions.text import to_text
 
 _DOTS = {
     "wi.wo": ("wi", "wo"),
@@ -30,9 +30,9 @@ _UNORDERED = frozenset(("sum", "product", "max", "min"))
 
 @dataclass(frozen=True)
 class Canonical:
-    """The canonical form, and what each parameter of the original is called in it."""
+    """The canonical form in text form, and what each parameter of the original is called in it."""
 
-    expression: Expression
+    text: str
     names: Mapping[str, str]
 
 
@@ -49,7 +49,6 @@ _MINUS_ZERO = _Node("neg", (_Node("constant", value=0.0),))
 _INFINITE = _Node("inverse", (_Node("constant", value=0.0),))
 
 
-@lru_cache(maxsize=8192)
 def canonical(expression: Expression) -> Canonical:
     """The canonical form of an expression; that of a canonical form is itself."""
     flat = _flat(expression)
@@ -57,7 +56,7 @@ def canonical(expression: Expression) -> Canonical:
     _collect_contexts(flat, 0, contexts)
     _, ordered = _ordered(flat, {name: ".".join(map(str, sorted(found))) for name, found in contexts.items()})
     names: dict[str, str] = {}
-    return Canonical(_emit(ordered, names), names)
+    return Canonical(to_text(_emit(ordered, names)), names)
 
 
 def _flat(node: Expression) -> _Node:
@@ -144,7 +143,7 @@ def _inverse(factor: _Node) -> _Node:
 
 
 def _collect_contexts(node: _Node, path: int, contexts: dict[str, list[int]]) -> None:
-    """Where each parameter occurs, as check sums of the symbols above it: what tells parameters from one another."""
+    """Where each parameter occurs, as check sums of the symbols above it, which tell parameters apart."""
     if not node.children:
         if grammar.is_parameter(node.symbol):
             contexts.setdefault(node.symbol, []).append(path)

@@ -7,6 +7,7 @@ Schlick's Fresnel term), so any finite non-negative decimal literal is a constan
 
 import math
 import re
+from functools import lru_cache
 
 UNARY = ("neg", "sin", "cos", "tan", "exp", "asin", "acos", "atan", "sqrt")
 BINARY = ("add", "sub", "mul", "div", "max", "min", "pow")
@@ -17,11 +18,15 @@ CONSTANTS = ("1", "2", "pi", "4")
 _PARAMETER = re.compile(r"p(0|[1-9][0-9]?)")
 
 
+_ARITY = dict.fromkeys(UNARY, 1) | dict.fromkeys((*BINARY, "dot"), 2)
+
+
 def arity(symbol: str) -> int:
     """How many children a node of this symbol has: 0, 1 or 2."""
-    return 1 if symbol in UNARY else 2 if symbol in BINARY or symbol == "dot" else 0
+    return _ARITY.get(symbol, 0)
 
 
+@lru_cache(maxsize=4096)
 def kind(symbol: str) -> str:
     """One of `unary binary dot vector component parameter constant`, or an empty string for no symbol at all."""
     if symbol in UNARY:
@@ -40,7 +45,12 @@ def kind(symbol: str) -> str:
 
 
 def is_parameter(symbol: str) -> bool:
-    return _PARAMETER.fullmatch(symbol) is not None
+    return kind(symbol) == "parameter"
+
+
+def number(parameter: str) -> int:
+    """The 3 of `p3`."""
+    return int(parameter[1:])
 
 
 def is_constant(symbol: str) -> bool:

@@ -5,10 +5,21 @@ from fitters.fits.fit import Fit, FitSettings, fit, refit
 from fitters.fits.metrics import METRICS
 from fitters.fits.problem import FitProblem, fit_problem
 from fitters.fits.recipe import ProblemRecipe, build_problem
-from fitters.fits.stages import Confirmed, Description, DescriptionJob, FitJob, confirm, describe, screen
+from fitters.fits.stages import (
+    Candidate,
+    Confirmed,
+    Description,
+    DescriptionJob,
+    FitJob,
+    ScreenJob,
+    confirm,
+    describe,
+    screen,
+)
 
 __all__ = [
     "METRICS",
+    "Candidate",
     "Confirmed",
     "Description",
     "DescriptionJob",
@@ -17,6 +28,7 @@ __all__ = [
     "FitProblem",
     "FitSettings",
     "ProblemRecipe",
+    "ScreenJob",
     "build_problem",
     "confirm",
     "describe",

@@ -36,6 +36,10 @@ class Metric:
             return 1.0
         return float(np.linalg.norm(weights * measured) or np.linalg.norm(weights) or 1.0)
 
+    def squares(self, error: float, targets: int) -> float:
+        """The sum of squared errors over so many targets that `combine` makes this error of."""
+        return error * error * (targets if self.normalised else 1)
+
     def combine(self, errors: Array) -> float:
         """One number for the errors (targets,): their root mean square, or L2 norm where unnormalised."""
         squares = float(np.sum(np.square(errors, dtype=np.float64)))

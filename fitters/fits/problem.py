@@ -46,6 +46,7 @@ class Cells:
     weights:  (targets, n) float32, w / s of the metric times the square root of the sampling weight; 0 where
               the target is not valid
     targets:  (targets, n) float32, weights times measured value
+    draws:    (n,) how often each was drawn; None where these are all cells
     coarse:   where the search for the right valley may begin; None where it must use all
 
     so that a target's error is || weights f - targets ||.
@@ -55,13 +56,16 @@ class Cells:
     features: dict[str, Array]
     weights: NDArray[np.float32]
     targets: NDArray[np.float32]
+    draws: NDArray[np.int64] | None = None
     coarse: Coarse | None = None
 
     def __len__(self) -> int:
         return len(self.index)
 
-    def take(self, chosen: NDArray[np.int64], sampling_weights: Array, coarse_weights: Array) -> "Cells":
-        """The chosen cells (k,), each standing for `sampling_weights` (k,) of them.
+    def take(
+        self, chosen: NDArray[np.int64], draws: NDArray[np.int64], sampling_weights: Array, coarse_weights: Array
+    ) -> "Cells":
+        """The chosen cells (k,), drawn so often, each standing for `sampling_weights` (k,) of them.
 
         The first of them are a smaller sample too, in which each stands for `coarse_weights` (m,) cells.
         """
@@ -73,6 +77,7 @@ class Cells:
             features={name: np.ascontiguousarray(values[chosen]) for name, values in self.features.items()},
             weights=np.ascontiguousarray(weights * root),
             targets=np.ascontiguousarray(targets * root),
+            draws=draws,
             coarse=Coarse(
                 np.ascontiguousarray(weights[:, :m] * coarse_root),
                 np.ascontiguousarray(targets[:, :m] * coarse_root),
@@ -195,7 +200,7 @@ def sample(cells: Cells, count: int, seed: int) -> Cells:
     chosen = cells_drawn[order]
     expected = count * probability[chosen]
     coarse_expected = len(drawn[::COARSE]) * probability[coarse]
-    return cells.take(chosen, times[order] / expected, coarse_times / coarse_expected)
+    return cells.take(chosen, times[order], times[order] / expected, coarse_times / coarse_expected)
 
 
 def _mean_share(rows: NDArray[np.float32]) -> Array:

@@ -4,6 +4,7 @@ A search screens thousands of candidates on a small sample of cells, confirms on
 the front, and at last describes the members of the front in full.
 """
 
+import math
 import time
 from dataclasses import dataclass, replace
 
@@ -11,7 +12,7 @@ from fitters.engine.cost import cost_ns
 from fitters.expressions import parse
 from fitters.fits.checks import Checks, check
 from fitters.fits.exact import exact_errors
-from fitters.fits.fit import Bounds, Fit, FitSettings, fit, refit
+from fitters.fits.fit import Bounds, Columns, Fit, FitSettings, fit, refit
 from fitters.fits.metrics import METRICS
 from fitters.fits.problem import FitProblem
 
@@ -30,6 +31,24 @@ class FitJob:
     @property
     def intervals(self) -> Bounds:
         return {name: (low, high) for name, low, high in self.bounds}
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An expression to screen: a fit that will not come near `bar` is given up; `near` is a warm start."""
+
+    expression: str
+    bar: float = math.inf
+    near: Columns | None = None
+
+
+@dataclass(frozen=True)
+class ScreenJob:
+    """Candidates to fit, all with the same bounds (name, low, high) and settings."""
+
+    candidates: tuple[Candidate, ...]
+    bounds: tuple[tuple[str, float, float], ...]
+    settings: FitSettings
 
 
 @dataclass(frozen=True)
@@ -59,10 +78,20 @@ class Description:
     cost_ns: float
 
 
-def screen(problem: FitProblem, job: FitJob) -> list[Fit]:
-    """The fits of a job's expressions on the small sample."""
+def screen(problem: FitProblem, job: ScreenJob) -> list[Fit]:
+    """The fits of a job's candidates on the small sample."""
+    bounds = {name: (low, high) for name, low, high in job.bounds}
     return [
-        fit(parse(text), problem.sample, problem.metric, job.intervals, job.settings) for text in job.expressions
+        fit(
+            parse(candidate.expression),
+            problem.sample,
+            problem.metric,
+            bounds,
+            job.settings,
+            near=candidate.near,
+            bar=candidate.bar,
+        )
+        for candidate in job.candidates
     ]
 
 
@@ -75,8 +104,8 @@ def _confirm(problem: FitProblem, text: str, job: FitJob) -> Confirmed:
     started = time.perf_counter()
     expression, metric, bounds, settings = parse(text), problem.metric, job.intervals, job.settings.thorough()
     screened = fit(expression, problem.sample, metric, bounds, job.settings)
-    found = fit(expression, problem.fine, metric, bounds, settings, near=screened)
-    found = refit(expression, problem.full, metric, bounds, found, settings, evaluations=0)
+    found = fit(expression, problem.fine, metric, bounds, settings, near=screened.columns)
+    found = refit(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
     return Confirmed(found, screened.error, time.perf_counter() - started)
 
 
@@ -89,7 +118,7 @@ def describe(problem: FitProblem, task: DescriptionJob) -> Description:
         problem.full,
         problem.metric,
         job.intervals,
-        task.fit,
+        task.fit.columns,
         job.settings.thorough(),
         evaluations=POLISH_EVALUATIONS,
     )

@@ -5,7 +5,7 @@ import time
 
 import click
 
-from fitters.fits import build_problem, screen
+from fitters.fits import Candidate, build_problem, screen
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
@@ -19,10 +19,11 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
     """Loads everything, fits a few founders, and prints the plan with the time it would take."""
     problem = build_problem(problem_recipe(configuration))
     founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
+    candidates = [Candidate(founder.canonical.text) for founder in founders]
     # The first fit compiles or loads the engine.
-    screen(problem, planned.job(founders[0].expression))
+    screen(problem, planned.screening(*candidates[:1]))
     began = time.perf_counter()
-    screen(problem, planned.job(*(founder.expression for founder in founders)))
+    screen(problem, planned.screening(*candidates))
     rate = len(founders) / (time.perf_counter() - began)
     processes, where = _processes(configuration)
     search, budget = configuration.search, planned.budget

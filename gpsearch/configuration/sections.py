@@ -171,8 +171,10 @@ class Search(Section):
 class FitSection(Section):
     """What `fitters.fits.FitSettings` takes, and over how many cells.
 
-    cells:         sampled, of the screening fit of every candidate
-    confirm_cells: sampled, of the fit of what may enter the front
+    cells:          sampled, of the screening fit of every candidate
+    confirm_cells:  sampled, of the fit of what may enter the front
+    early_stopping: gives up fits that end far from the population's better half and from the front
+    warm_starts:    a fit also tries the parameters of the parent
     """
 
     cells: Whole = whole(2048, 64, 10_000_000)
@@ -182,6 +184,8 @@ class FitSection(Section):
     rounds: Whole = whole(FitSettings.rounds, 0, 1_000_000)
     evaluations: Whole = whole(FitSettings.evaluations, 1, 1_000_000)
     tolerance: Number = number(FitSettings.tolerance, above=0)
+    early_stopping: bool = Field(True, strict=True, description="true or false")
+    warm_starts: bool = Field(True, strict=True, description="true or false")
 
     @property
     def settings(self) -> FitSettings:

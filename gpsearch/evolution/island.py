@@ -9,8 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.expressions import to_text
+from fitters.expressions.canonical import Canonical, canonical
 from gpsearch.evolution.seeds import Role, generator
-from gpsearch.genomes import Genome, Mutation, crossover, random_edit, reify
+from gpsearch.genomes import Genome, Mutation, crossover, random_edit
+from gpsearch.genomes.edits import Draft
 from gpsearch.genomes.genome import draft
 
 
@@ -31,11 +33,16 @@ class Breeding:
 
 @dataclass(frozen=True, slots=True)
 class Offspring:
-    """A genome that has not been fitted yet, and its expression in text form."""
+    """A genome that has not been fitted yet, its expression in text form, and that of the genome it came from.
+
+    canonical is the canonical form of the expression, by which fits are remembered.
+    """
 
     genome: Genome
     expression: str
     nodes: int
+    parent: str
+    canonical: Canonical
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +68,11 @@ class Island:
     generation: int = 0
     population: tuple[Individual, ...] = ()
 
+    @property
+    def median(self) -> float:
+        """The error that half of a population, not empty, does not exceed."""
+        return sorted(individual.error for individual in self.population)[(len(self.population) - 1) // 2]
+
 
 def advance(island: Island, breeding: Breeding, run_seed: int) -> tuple[Offspring, ...]:
     """The next generation, not fitted: founders with one random edit each, or the children of this one.
@@ -75,10 +87,11 @@ def advance(island: Island, breeding: Breeding, run_seed: int) -> tuple[Offsprin
     paired = [parents[i] for i in rng.permutation(len(parents))]
     children: list[Genome] = []
     for first, second in zip(paired[::2], [*paired[1::2], paired[0]], strict=False):
-        cut = int(rng.integers(1, len(first.edits))) if len(first.edits) > 1 else 0
-        children += crossover(first, second, cut)
-    genomes = parents + [_viable(child, breeding, first) for child, first in zip(children, paired, strict=False)]
-    return tuple(_mutated(genome, breeding, rng) for genome in genomes)
+        cut = int(rng.integers(1, len(first.genome.edits))) if len(first.genome.edits) > 1 else 0
+        children += crossover(first.genome, second.genome, cut)
+    # The first of a pair of children begins as the first parent does, the second as the second.
+    bred = [(parent.genome, parent) for parent in parents] + list(zip(children, paired, strict=False))
+    return tuple(_mutated(genome, parent, breeding, rng) for genome, parent in bred)
 
 
 def survive(island: Island, offspring: Sequence[Offspring], errors: Mapping[str, float]) -> Island:
@@ -103,23 +116,26 @@ def migrate(islands: Sequence[Island], migrants: int) -> tuple[Island, ...]:
 
 def _founders(island: Island, breeding: Breeding, rng: np.random.Generator) -> tuple[Offspring, ...]:
     """Genomes of one edit; the starts take turns."""
-    return tuple(
-        _mutated(Genome(breeding.starts[i % len(breeding.starts)]), breeding, rng) for i in range(breeding.size)
-    )
+    starts = [breeding.starts[i % len(breeding.starts)] for i in range(breeding.size)]
+    return tuple(_edited(Genome(start), draft(Genome(start)), start, breeding, rng) for start in starts)
 
 
-def _tournament(population: Sequence[Individual], count: int, rng: np.random.Generator) -> Genome:
+def _tournament(population: Sequence[Individual], count: int, rng: np.random.Generator) -> Individual:
     drawn = rng.integers(len(population), size=count)
-    return min((population[i] for i in drawn), key=lambda individual: individual.rank).genome
+    return min((population[i] for i in drawn), key=lambda individual: individual.rank)
 
 
-def _mutated(genome: Genome, breeding: Breeding, rng: np.random.Generator) -> Offspring:
+def _mutated(genome: Genome, parent: Individual, breeding: Breeding, rng: np.random.Generator) -> Offspring:
+    """The genome with one more edit, or the parent's, where crossover made it larger or deeper than is allowed."""
+    grown = draft(genome)
+    if not grown.fits(breeding.mutation.max_nodes):
+        genome, grown = parent.genome, draft(parent.genome)
+    return _edited(genome, grown, parent.expression, breeding, rng)
+
+
+def _edited(genome: Genome, grown: Draft, parent: str, breeding: Breeding, rng: np.random.Generator) -> Offspring:
     """The genome with one more random edit. A root that became a vector or grew too large cannot come of it."""
-    mutated = genome.with_edit(random_edit(draft(genome), breeding.mutation, rng))
-    expression = reify(mutated)
-    return Offspring(mutated, to_text(expression), expression.nodes)
-
-
-def _viable(child: Genome, breeding: Breeding, parent: Genome) -> Genome:
-    """The child, or its parent where crossover made it larger or deeper than the limits allow."""
-    return child if draft(child).fits(breeding.mutation.max_nodes) else parent
+    edit = random_edit(grown, breeding.mutation, rng)
+    grown.apply(edit)
+    expression = grown.expression()
+    return Offspring(genome.with_edit(edit), to_text(expression), expression.nodes, parent, canonical(expression))

@@ -39,18 +39,20 @@ class Front:
                 kept.append(member)
         return Front(tuple(kept))
 
-    def worth_confirming(self, screened: Mapping[str, tuple[int, float]]) -> list[str]:
-        """Which of the candidates, (nodes, screened error) by expression, could enter the front.
+    def bar(self, nodes: int) -> float:
+        """What an expression of this size must stay below on the small sample to be worth a confirmation.
 
-        A candidate is compared with members of its size or less by the worse of their two errors: a sample
-        flatters some of them, and a flattered member must not shut the door.
+        The worse of the two errors of each member: a sample flatters some of them, and a flattered member must
+        not shut the door.
         """
+        return min((max(m.screened, m.error) for m in self.members if m.nodes <= nodes), default=float("inf"))
+
+    def worth_confirming(self, screened: Mapping[str, tuple[int, float]]) -> list[str]:
+        """Which of the candidates, (nodes, screened error) by expression, could enter the front."""
         chosen: list[str] = []
         best = float("inf")
-        bars = [(m.nodes, max(m.screened, m.error)) for m in self.members]
         for text, (nodes, error) in sorted(screened.items(), key=lambda item: (*item[1], item[0])):
-            bar = min([best, *(bar for size, bar in bars if size <= nodes)])
-            if error < bar:
+            if error < min(best, self.bar(nodes)):
                 chosen.append(text)
                 best = error
         return chosen

@@ -7,35 +7,68 @@ last whole generation; nothing in it is pickled.
 import json
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from fitters.fits import Description, Fit
-from fitters.fits.checks import Checks
+from fitters.fits import Description
 from gpsearch.errors import GpsearchError
-from gpsearch.evolution.island import Individual, Island
-from gpsearch.front.front import Front, Member
-from gpsearch.genomes import Genome
+from gpsearch.evolution.island import Island
+from gpsearch.front.front import Front
+from gpsearch.front.records import (
+    description_json,
+    individual_json,
+    member_json,
+    read_description,
+    read_individual,
+    read_member,
+)
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 FILE = "run.sqlite"
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE islands (number INTEGER PRIMARY KEY, generation INTEGER NOT NULL, population TEXT NOT NULL);
-CREATE TABLE fits (expression TEXT PRIMARY KEY, error REAL NOT NULL, generation INTEGER) WITHOUT ROWID;
+CREATE TABLE fits (
+    canonical TEXT PRIMARY KEY, error REAL NOT NULL, bar REAL NOT NULL, parameters BLOB NOT NULL,
+    nodes INTEGER, generation INTEGER
+) WITHOUT ROWID;
 CREATE TABLE front (expression TEXT PRIMARY KEY, member TEXT NOT NULL, description TEXT) WITHOUT ROWID;
 CREATE TABLE baselines (name TEXT PRIMARY KEY, baseline TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE generations (
     generation INTEGER PRIMARY KEY, candidates INTEGER NOT NULL, fitted INTEGER NOT NULL,
-    best REAL NOT NULL, seconds REAL NOT NULL
+    given_up INTEGER NOT NULL, confirmed INTEGER NOT NULL, best REAL NOT NULL, seconds REAL NOT NULL,
+    stages TEXT NOT NULL
 );
 CREATE TABLE events (time REAL NOT NULL, kind TEXT NOT NULL, detail TEXT NOT NULL);
 """
+
+
+@dataclass(frozen=True)
+class Generation:
+    """What a generation has cost and brought.
+
+    candidates: individuals bred
+    fitted:     of them, those whose canonical expression had to be fitted; the others were known
+    given_up:   of these, those whose fit was stopped early
+    confirmed:  fitted on all cells
+    best:       smallest error of the population, on the small sample
+    seconds:    of wall time, split in `stages`
+    """
+
+    generation: int
+    candidates: int
+    fitted: int
+    given_up: int
+    confirmed: int
+    best: float
+    seconds: float
+    stages: dict[str, float]
 
 
 class Store:
@@ -131,57 +164,77 @@ class Store:
     def islands(self) -> tuple[Island, ...]:
         rows = self._connection.execute("SELECT number, generation, population FROM islands ORDER BY number")
         return tuple(
-            Island(number, generation, tuple(map(_individual, json.loads(population))))
+            Island(number, generation, tuple(map(read_individual, json.loads(population))))
             for number, generation, population in rows
         )
 
     def save_islands(self, islands: Iterable[Island]) -> None:
         rows = [
-            (island.number, island.generation, json.dumps(list(map(_individual_json, island.population))))
+            (island.number, island.generation, json.dumps(list(map(individual_json, island.population))))
             for island in islands
         ]
         self._connection.executemany("INSERT OR REPLACE INTO islands VALUES (?, ?, ?)", rows)
 
     # fits
 
-    def errors(self) -> dict[str, float]:
-        """The error of every expression that was ever screened."""
-        return dict(self._connection.execute("SELECT expression, error FROM fits"))
+    def fits(self) -> dict[str, tuple[float, float]]:
+        """Error and bar of every fit, by canonical expression; the bar is infinite where the fit was finished."""
+        rows = self._connection.execute("SELECT canonical, error, bar FROM fits")
+        return {canonical: (error, bar) for canonical, error, bar in rows}
 
-    def seen(self) -> set[str]:
-        """The expressions that occurred in whole generations; others were screened in one that was broken off."""
-        return {row[0] for row in self._connection.execute("SELECT expression FROM fits WHERE generation >= 0")}
+    def seen(self) -> dict[str, int]:
+        """Smallest sizes of the expressions that occurred in whole generations, by canonical expression.
 
-    def save_errors(self, errors: Mapping[str, float], generation: int | None) -> None:
-        """Errors by expression, with the whole generation in which they first occurred, if there is one."""
-        rows = [(expression, error, generation) for expression, error in errors.items()]
+        Others were fitted in a generation that was broken off.
+        """
+        return dict(self._connection.execute("SELECT canonical, nodes FROM fits WHERE generation >= 0"))
+
+    def parameters(self, canonical: Sequence[str], targets: int) -> dict[str, NDArray[np.float32]]:
+        """Parameters (targets, parameters) of stored fits, by canonical expression."""
+        found = {}
+        for expression in canonical:
+            query = "SELECT parameters FROM fits WHERE canonical = ?"
+            row = self._connection.execute(query, (expression,)).fetchone()
+            if row is not None:
+                found[expression] = np.frombuffer(row[0], np.float32).reshape(targets, -1)
+        return found
+
+    def save_fits(self, rows: Iterable[tuple[str, float, float, NDArray[np.float32]]]) -> None:
+        """Canonical expressions, errors, bars and parameters."""
         self._connection.executemany(
-            "INSERT INTO fits VALUES (?, ?, ?)"
-            " ON CONFLICT (expression) DO UPDATE SET generation = coalesce(generation, excluded.generation)",
-            rows,
+            "INSERT INTO fits VALUES (?, ?, ?, ?, NULL, NULL) ON CONFLICT (canonical) DO UPDATE"
+            " SET error = excluded.error, bar = excluded.bar, parameters = excluded.parameters",
+            [(canonical, error, bar, values.tobytes()) for canonical, error, bar, values in rows],
+        )
+
+    def save_seen(self, nodes: Mapping[str, int], generation: int) -> None:
+        """Sizes by canonical expression of what occurred in a whole generation."""
+        self._connection.executemany(
+            "UPDATE fits SET nodes = ?, generation = coalesce(generation, ?) WHERE canonical = ?",
+            [(count, generation, canonical) for canonical, count in nodes.items()],
         )
 
     # the front and its descriptions
 
     def front(self) -> Front:
         rows = self._connection.execute("SELECT member FROM front")
-        return Front().updated(_member(json.loads(row[0])) for row in rows)
+        return Front().updated(read_member(json.loads(row[0])) for row in rows)
 
     def save_front(self, front: Front) -> None:
         """Writes new members and drops those that left; descriptions of those that stay are kept."""
         kept = {member.expression for member in front.members}
         there = {row[0] for row in self._connection.execute("SELECT expression FROM front")}
         self._connection.executemany("DELETE FROM front WHERE expression = ?", [(e,) for e in there - kept])
-        rows = [(m.expression, json.dumps(_member_json(m))) for m in front.members if m.expression not in there]
+        rows = [(m.expression, json.dumps(member_json(m))) for m in front.members if m.expression not in there]
         self._connection.executemany("INSERT INTO front VALUES (?, ?, NULL)", rows)
 
     def descriptions(self) -> dict[str, Description]:
         """What is known in full of front members, by expression."""
         rows = self._connection.execute("SELECT expression, description FROM front WHERE description IS NOT NULL")
-        return {expression: _description(json.loads(text)) for expression, text in rows}
+        return {expression: read_description(json.loads(text)) for expression, text in rows}
 
     def save_description(self, expression: str, description: Description) -> None:
-        text = json.dumps(_description_json(description))
+        text = json.dumps(description_json(description))
         self._connection.execute("UPDATE front SET description = ? WHERE expression = ?", (text, expression))
 
     # baselines
@@ -190,17 +243,25 @@ class Store:
         """Description and fit seconds by name."""
         rows = self._connection.execute("SELECT name, baseline FROM baselines ORDER BY name")
         loaded = {name: json.loads(text) for name, text in rows}
-        return {name: (_description(b["description"]), b["fit_seconds"]) for name, b in loaded.items()}
+        return {name: (read_description(b["description"]), b["fit_seconds"]) for name, b in loaded.items()}
 
     def save_baseline(self, name: str, description: Description, fit_seconds: float) -> None:
-        text = json.dumps({"description": _description_json(description), "fit_seconds": fit_seconds})
+        text = json.dumps({"description": description_json(description), "fit_seconds": fit_seconds})
         self._connection.execute("INSERT OR REPLACE INTO baselines VALUES (?, ?)", (name, text))
 
     # history
 
-    def save_generation(self, generation: int, candidates: int, fitted: int, best: float, seconds: float) -> None:
-        row = (generation, candidates, fitted, best, seconds)
-        self._connection.execute("INSERT OR REPLACE INTO generations VALUES (?, ?, ?, ?, ?)", row)
+    def save_generation(self, row: Generation) -> None:
+        values = (*astuple(row)[:-1], json.dumps(row.stages))
+        marks = ", ".join("?" * len(values))
+        self._connection.execute(f"INSERT OR REPLACE INTO generations VALUES ({marks})", values)
+
+    def generations(self) -> list[Generation]:
+        """The history, oldest first."""
+        rows = self._connection.execute("SELECT * FROM generations ORDER BY generation")
+        names = [field.name for field in fields(Generation)]
+        found = [dict(zip(names, row, strict=True)) for row in rows]
+        return [Generation(**(row | {"stages": json.loads(row["stages"])})) for row in found]
 
     def require_generation(self, generation: int) -> None:
         """Raises `GpsearchError` where another process has gone on from there; call it in a transaction."""
@@ -237,70 +298,3 @@ def _connect(path: Path) -> sqlite3.Connection:
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = NORMAL")
     return connection
-
-
-# JSON forms. Python writes floats so that they read back to the last bit, and infinity as Infinity.
-
-
-def _individual_json(individual: Individual) -> list[Any]:
-    genome = individual.genome
-    return [genome.start, genome.to_json(), individual.expression, individual.nodes, individual.error]
-
-
-def _individual(stored: list[Any]) -> Individual:
-    start, edits, expression, nodes, error = stored
-    return Individual(Genome.from_json(start, edits), expression, nodes, error)
-
-
-def _fit_json(fit: Fit) -> dict[str, Any]:
-    return {
-        "names": fit.names,
-        "values": fit.values.tolist(),
-        "errors": fit.errors.tolist(),
-        "error": fit.error,
-        "evaluations": fit.evaluations,
-    }
-
-
-def _fit(stored: dict[str, Any]) -> Fit:
-    names = tuple(stored["names"])
-    values = np.array(stored["values"], np.float64).reshape(len(stored["errors"]), len(names))
-    return Fit(names, values, np.array(stored["errors"], np.float64), stored["error"], stored["evaluations"])
-
-
-def _member_json(member: Member) -> dict[str, Any]:
-    return {
-        "expression": member.expression,
-        "nodes": member.nodes,
-        "start": member.genome.start,
-        "edits": member.genome.to_json(),
-        "island": member.island,
-        "generation": member.generation,
-        "fit": _fit_json(member.fit),
-        "screened": member.screened,
-    }
-
-
-def _member(stored: dict[str, Any]) -> Member:
-    return Member(
-        expression=stored["expression"],
-        nodes=stored["nodes"],
-        genome=Genome.from_json(stored["start"], stored["edits"]),
-        island=stored["island"],
-        generation=stored["generation"],
-        fit=_fit(stored["fit"]),
-        screened=stored["screened"],
-    )
-
-
-def _description_json(description: Description) -> dict[str, Any]:
-    return {
-        "fit": _fit_json(description.fit),
-        "metrics": description.metrics,
-        "checks": vars(description.checks),
-        "cost_ns": description.cost_ns,
-    }
-
-
-def _description(stored: dict[str, Any]) -> Description:
-    return Description(_fit(stored["fit"]), stored["metrics"], Checks(**stored["checks"]), stored["cost_ns"])

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import formula
-from fitters.fits import FitJob, FitSettings, ProblemRecipe, build_problem
+from fitters.fits import Candidate, FitJob, FitSettings, ProblemRecipe, ScreenJob, build_problem
 from gpsearch.configuration import Configuration
 from gpsearch.evolution.island import Breeding
 from gpsearch.evolution.seeds import cells_seed
@@ -31,14 +31,21 @@ class Plan:
     migrate_every: int
     migrants: int
     recipe: Recipe
+    materials: int
     bounds: tuple[tuple[str, float, float], ...]
     settings: FitSettings
+    early_stopping: bool
+    warm_starts: bool
     baselines: tuple[str, ...]
     budget: Budget
 
     def job(self, *expressions: str) -> FitJob:
-        """The fit of candidates: every parameter has the search's bounds."""
+        """The fit of expressions: every parameter has the search's bounds."""
         return FitJob(expressions, self.bounds, self.settings)
+
+    def screening(self, *candidates: Candidate) -> ScreenJob:
+        """The screening of candidates, likewise."""
+        return ScreenJob(candidates, self.bounds, self.settings)
 
     def baseline_job(self, name: str) -> FitJob:
         """The fit of a catalogue formula within its own bounds."""
@@ -69,8 +76,11 @@ def plan(configuration: Configuration) -> Plan:
         migrate_every=search.migrate_every,
         migrants=search.migrants,
         recipe=Recipe(build_problem, problem_recipe(configuration)),
+        materials=len(configuration.materials),
         bounds=tuple((f"p{i}", low, high) for i in range(search.parameters)),
         settings=fit.settings,
+        early_stopping=fit.early_stopping,
+        warm_starts=fit.warm_starts,
         baselines=configuration.baselines,
         budget=Budget(
             budget.generations, None if budget.minutes is None else 60.0 * budget.minutes, budget.candidates

@@ -4,16 +4,20 @@ Its decisions depend on seeds and fits alone. Where and in which order fits are 
 collected per generation before anything is decided.
 """
 
+import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from fitters.expressions import parse
-from fitters.fits import Confirmed, DescriptionJob, confirm, describe, screen
+from fitters.expressions.canonical import Canonical, canonical
+from fitters.fits import Candidate, DescriptionJob, confirm, describe, screen
+from fitters.fits.problem import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
-from gpsearch.front import Front, Member, Store
-from gpsearch.genomes import Genome
+from gpsearch.front import Front, Generation, Member, Store
+from gpsearch.search.entrants import Entrant, entrants
+from gpsearch.search.memory import Known, Memory
 from gpsearch.search.plan import Plan
 from workers import Executor
 
@@ -56,8 +60,8 @@ class Search:
         self.plan, self.store, self.executor, self.watcher = plan, store, executor, watcher
         self.islands = store.islands() or tuple(Island(number) for number in range(plan.islands))
         self.front = store.front()
-        self.errors = store.errors()
-        self.seen = store.seen()
+        self.memory = Memory({key: Known(*found) for key, found in store.fits().items()}, store.seen())
+        self._prepare_parents()
         _, self.candidates, self.fitted = store.totals()
         self.seconds_before = store.seconds
         self.started = time.monotonic()
@@ -124,101 +128,118 @@ class Search:
 
     def _one_generation(self) -> bool:
         """Breeds, fits, selects and stores one generation; False where time ran out before it was whole."""
-        began = self.seconds
+        clock = _Stages(self.seconds)
         broods = [advance(island, self.plan.breeding, self.plan.seed) for island in self.islands]
-        first = {start: _Origin(Genome(start), 0, 0) for start in self._starts()}
-        for island, brood in zip(self.islands, broods, strict=True):
-            for child in brood:
-                first.setdefault(child.expression, _Origin(child.genome, island.number, island.generation + 1))
-        if not self._screen([text for text in first if text not in self.errors]):
+        # The first generation judges the starts as they are, too.
+        found = entrants(self.islands, broods, self.plan.breeding.starts if self.generation == 0 else ())
+        unknown = [e for key, e in found.items() if not self.memory.knows(key, self._bar(e.nodes))]
+        clock.ends("breeding", self.seconds)
+        if not self._screen(unknown):
             return False
-        new = {text: origin for text, origin in first.items() if text not in self.seen}
-        self.front = self.front.updated(self._confirm(new, _sizes(broods) | self._starts()))
+        clock.ends("screening", self.seconds)
+        fitted = [self.memory.known[key] for key in found if key not in self.memory.seen]
+        new = {key: e for key, e in found.items() if self.memory.is_new(key, e.nodes)}
+        confirmed = self._confirm(new.values())
+        self.front = self.front.updated(confirmed)
+        clock.ends("confirming", self.seconds)
         self.islands = self._selected(broods)
-        self._save(new, sum(map(len, broods)), self.seconds - began)
+        with self.store.transaction():
+            self.store.require_generation(self.generation - 1)
+            self._save_fits()
+            self.memory.seen |= {key: entrant.nodes for key, entrant in new.items()}
+            self.store.save_seen({key: entrant.nodes for key, entrant in new.items()}, self.generation)
+            self.store.save_islands(self.islands)
+            self.store.save_front(self.front)
+            self._prepare_parents({c.expression: c.canonical for brood in broods for c in brood})
+            clock.ends("storing", self.seconds)
+            self.store.save_seconds(self.seconds)
+            best = min(individual.error for island in self.islands for individual in island.population)
+            bred = sum(map(len, broods))
+            given_up = sum(math.isfinite(known.bar) for known in fitted)
+            seconds, stages = self.seconds - clock.began, clock.seconds
+            self.store.save_generation(
+                Generation(self.generation, bred, len(fitted), given_up, len(confirmed), best, seconds, stages)
+            )
+        self.candidates += bred
+        self.fitted += len(fitted)
+        self.watcher.generation(
+            Standing(self.generation, self.candidates, self.fitted, self.seconds, best, self.front)
+        )
         return True
 
-    def _starts(self) -> dict[str, int]:
-        """Size by expression of the starts, which the first generation judges as they are."""
-        if self.generation > 0:
-            return {}
-        return {start: parse(start).nodes for start in self.plan.breeding.starts}
+    def _bar(self, nodes: int) -> float:
+        """The error that a candidate of this size must come near, or its fit is given up.
 
-    def _screen(self, texts: Sequence[str]) -> bool:
+        The median of the island where that is worst, since tournaments take little from below it, or what would
+        enter the front, if that is more. Infinite while there is no population, or for a run without the rule.
+        """
+        if not self.plan.early_stopping or self.generation == 0:
+            return math.inf
+        return max(self._median, self.front.bar(nodes))
+
+    def _screen(self, unknown: Sequence[Entrant]) -> bool:
         """Fits what is new on the small sample; False where time ran out on the way."""
-        size = max(1, min(int(TASK_SECONDS / self.seconds_per_candidate), len(texts) // self.executor.processes))
-        batches = [texts[i : i + size] for i in range(0, len(texts), size)]
-        self.watcher.stage(f"generation {self.generation + 1}", len(texts))
+        size = max(1, min(int(TASK_SECONDS / self.seconds_per_candidate), len(unknown) // self.executor.processes))
+        batches = [unknown[i : i + size] for i in range(0, len(unknown), size)]
+        self.watcher.stage(f"generation {self.generation + 1}", len(unknown))
         began, done = time.monotonic(), 0
-        fits = self._run(
-            screen, [self.plan.job(*batch) for batch in batches], f"fit-generation{self.generation + 1}"
-        )
-        found: dict[str, float] = {}
-        try:
-            for i, results in fits:
-                found.update((text, fit.error) for text, fit in zip(batches[i], results, strict=True))
-                done += len(results)
-                if self._late() and done < len(texts):
-                    return False
-        finally:
-            self.errors.update(found)
+        jobs = [self.plan.screening(*map(self._candidate, batch)) for batch in batches]
+        for i, fits in self._run(screen, jobs, f"fit-generation{self.generation + 1}"):
+            for entrant, candidate, fit in zip(batches[i], jobs[i].candidates, fits, strict=True):
+                self.memory.learn(entrant.canonical.text, fit, candidate.bar)
+            done += len(fits)
+            if self._late() and done < len(unknown):
+                return False
         if done:
             self.seconds_per_candidate = (time.monotonic() - began) * self.executor.processes / done
         return True
 
+    def _candidate(self, entrant: Entrant) -> Candidate:
+        near = self.memory.warm_start(entrant.canonical, entrant.parent) if self.plan.warm_starts else None
+        return Candidate(entrant.canonical.text, self._bar(entrant.nodes), near)
+
     def _keep_fits(self) -> None:
         """Stores what was fitted in a generation that was broken off, so that it need not be fitted again."""
-        found = {text: error for text, error in self.errors.items() if text not in self.seen}
-        if found:
+        if self.memory.fresh:
             with self.store.transaction():
-                self.store.save_errors(found, None)
+                self._save_fits()
                 self.store.save_seconds(self.seconds)
 
-    def _confirm(self, new: Mapping[str, "_Origin"], sizes: Mapping[str, int]) -> list[Member]:
+    def _save_fits(self) -> None:
+        keys = sorted(self.memory.fresh)
+        known, parameters = self.memory.known, self.memory.parameters
+        self.store.save_fits((key, known[key].error, known[key].bar, parameters[key]) for key in keys)
+        self.memory.fresh.clear()
+
+    def _confirm(self, new: Iterable[Entrant]) -> list[Member]:
         """The candidates that could enter the front, fitted on all cells."""
-        texts = self.front.worth_confirming({text: (sizes[text], self.errors[text]) for text in new})
+        by_text = {entrant.expression: entrant for entrant in new}
+        known = {text: self.memory.known[entrant.canonical.text] for text, entrant in by_text.items()}
+        texts = self.front.worth_confirming(
+            {text: (by_text[text].nodes, fit.error) for text, fit in known.items() if fit.bar == math.inf}
+        )
         self.watcher.stage("confirming", len(texts))
-        members = []
         jobs = [self.plan.job(text) for text in texts]
-        for i, results in self._run(confirm, jobs, f"confirm-generation{self.generation + 1}"):
-            confirmed: Confirmed = results[0]
-            origin, text = new[texts[i]], texts[i]
-            members.append(
-                Member(
-                    expression=text,
-                    nodes=sizes[text],
-                    genome=origin.genome,
-                    island=origin.island,
-                    generation=origin.generation,
-                    fit=confirmed.fit,
-                    screened=confirmed.screened,
-                )
-            )
-        return members
+        confirmed = self._run(confirm, jobs, f"confirm-generation{self.generation + 1}")
+        return [by_text[texts[i]].member(results[0]) for i, results in confirmed]
 
     def _selected(self, broods: Sequence[Sequence[Offspring]]) -> tuple[Island, ...]:
-        islands = tuple(
-            survive(island, brood, self.errors) for island, brood in zip(self.islands, broods, strict=True)
-        )
+        errors = {c.expression: self.memory.known[c.canonical.text].error for brood in broods for c in brood}
+        islands = tuple(survive(island, brood, errors) for island, brood in zip(self.islands, broods, strict=True))
         if islands[0].generation % self.plan.migrate_every == 0:
             return migrate(islands, self.plan.migrants)
         return islands
 
-    def _save(self, new: Mapping[str, "_Origin"], candidates: int, seconds: float) -> None:
-        self.candidates += candidates
-        self.fitted += len(new)
-        self.seen.update(new)
-        best = min(individual.error for island in self.islands for individual in island.population)
-        with self.store.transaction():
-            self.store.require_generation(self.generation - 1)
-            self.store.save_errors({text: self.errors[text] for text in new}, self.generation)
-            self.store.save_islands(self.islands)
-            self.store.save_front(self.front)
-            self.store.save_seconds(self.seconds)
-            self.store.save_generation(self.generation, candidates, len(new), best, seconds)
-        self.watcher.generation(
-            Standing(self.generation, self.candidates, self.fitted, self.seconds, best, self.front)
+    def _prepare_parents(self, forms: Mapping[str, Canonical] | None = None) -> None:
+        """What the islands' next children need of their parents. `forms` are those that are at hand."""
+        population = {individual.expression for island in self.islands for individual in island.population}
+        known = forms or {expression: canonical(parse(expression)) for expression in sorted(population)}
+        targets = len(CHANNELS) * self.plan.materials
+        self.memory.parents(
+            {expression: known[expression] for expression in sorted(population)},
+            lambda keys: self.store.parameters(keys, targets),
         )
+        self._median = max((island.median for island in self.islands if island.population), default=math.inf)
 
     def _run(self, function: Callable[[Any, P], R], payloads: Sequence[P], label: str) -> Iterator[tuple[int, R]]:
         """Runs tasks and tells the watcher of every result."""
@@ -227,14 +248,13 @@ class Search:
             yield i, result
 
 
-@dataclass(frozen=True)
-class _Origin:
-    """The genome that first stood for an expression, and where."""
+class _Stages:
+    """Seconds of the stages of a generation."""
 
-    genome: Genome
-    island: int
-    generation: int
+    def __init__(self, now: float) -> None:
+        self.began = self._last = now
+        self.seconds: dict[str, float] = {}
 
-
-def _sizes(broods: Sequence[Sequence[Offspring]]) -> dict[str, int]:
-    return {child.expression: child.nodes for brood in broods for child in brood}
+    def ends(self, stage: str, now: float) -> None:
+        self.seconds[stage] = now - self._last
+        self._last = now

@@ -33,7 +33,7 @@ def test_known_parameters_are_recovered(problem):
     formula = CATALOGUE["ggx"]
     near = fit(formula.expression, problem.sample, problem.metric, formula.bounds, THOROUGH)
     found = refit(
-        formula.expression, problem.full, problem.metric, formula.bounds, near, THOROUGH, evaluations=100
+        formula.expression, problem.full, problem.metric, formula.bounds, near.columns, THOROUGH, evaluations=100
     )
     truths = (TRUTH, TRUTH | {"p2": 0.1, "p1": 0.3}, TRUTH | {"p2": 0.6})
     assert found.errors.max() < 1e-4

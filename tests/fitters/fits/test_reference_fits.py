@@ -47,7 +47,7 @@ def test_fits_reach_the_reference(problem, model):
     name, bounds = MODELS[model]
     expression = CATALOGUE[name].expression
     near = fit(expression, problem.sample, problem.metric, bounds, THOROUGH)
-    found = refit(expression, problem.full, problem.metric, bounds, near, THOROUGH, evaluations=30)
+    found = refit(expression, problem.full, problem.metric, bounds, near.columns, THOROUGH, evaluations=30)
     errors = exact_errors(expression, problem, found).by_metric["light"]
     reference = {
         (row["material"], row["channel"]): float(row["error"]) for row in published() if row["model"] == model

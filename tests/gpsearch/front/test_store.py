@@ -16,7 +16,7 @@ from fitters.fits import Description, Fit
 from fitters.fits.checks import Checks
 from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Individual, Island
-from gpsearch.front import Front, Member, Store
+from gpsearch.front import Front, Generation, Member, Store
 from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
 
 FLOATS = st.floats(0, allow_nan=False)
@@ -53,7 +53,7 @@ def same(one: Fit, other: Fit) -> bool:
 def test_a_new_store_is_empty(store):
     read = again(store)
     assert read.configuration == "name: x\n"
-    assert (read.islands(), read.errors(), read.seen(), read.front().members) == ((), {}, set(), ())
+    assert (read.islands(), read.fits(), read.seen(), read.front().members) == ((), {}, {}, ())
     assert (read.totals(), read.seconds, read.events(), read.baselines()) == ((0, 0, 0), 0.0, [], {})
 
 
@@ -65,10 +65,12 @@ def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
     islands = (Island(0, 3, population), Island(1, 3, population[::-1]))
     with store.transaction():
         store.save_islands(islands)
-        store.save_errors({individual.expression: individual.error for individual in population}, 3)
+        store.save_fits((i.expression, i.error, inf, np.float32([[i.error, 2.0]] * 3)) for i in population)
     read = again(store)
     assert read.islands() == islands
-    assert read.errors() == {f"p{i}": error for i, error in enumerate(errors)}
+    assert read.fits() == {f"p{i}": (error, inf) for i, error in enumerate(errors)}
+    for name, values in read.parameters([f"p{i}" for i in range(len(errors))] + ["unknown"], 3).items():
+        np.testing.assert_array_equal(values, np.float32([[errors[int(name[1:])], 2.0]] * 3))
     read.close()
     store.close()
 
@@ -116,14 +118,29 @@ def test_members_that_leave_take_their_descriptions_along_and_others_keep_theirs
 
 
 def test_expressions_are_seen_once_their_generation_is_whole(store):
+    nothing = np.empty((3, 0), np.float32)
     with store.transaction():
-        store.save_errors({"p0": 0.5, "p1": inf}, None)
-    assert again(store).errors() == {"p0": 0.5, "p1": inf}
-    assert again(store).seen() == set()
+        store.save_fits([("p0", 0.5, 0.3, nothing), ("p1", inf, inf, nothing)])
+    assert again(store).fits() == {"p0": (0.5, 0.3), "p1": (inf, inf)}
+    assert again(store).parameters(["p0"], 3)["p0"].shape == (3, 0)
+    assert again(store).seen() == {}
     with store.transaction():
-        store.save_errors({"p0": 0.5}, 4)
-        store.save_errors({"p0": 0.5}, None)
-    assert again(store).seen() == {"p0"}
+        store.save_seen({"p0": 7}, 4)
+        store.save_fits([("p0", 0.4, inf, nothing)])
+    assert again(store).seen() == {"p0": 7}
+    assert again(store).fits()["p0"] == (0.4, inf)
+
+
+def test_the_history_comes_back(store):
+    history = [
+        Generation(1, 16, 14, 3, 2, 0.5, 1.5, {"screening": 1.0}),
+        Generation(2, 16, 9, 0, 0, inf, 0.1, {}),
+    ]
+    with store.transaction():
+        for generation in history:
+            store.save_generation(generation)
+    assert again(store).generations() == history
+    assert again(store).totals() == (2, 32, 23)
 
 
 def test_a_transaction_that_fails_leaves_nothing_behind(store):
@@ -150,8 +167,8 @@ def test_others_read_while_one_writes(store):
 
 def test_events_and_totals_add_up(store):
     with store.transaction():
-        store.save_generation(1, 16, 12, 0.5, 1.0)
-        store.save_generation(2, 16, 10, 0.4, 1.0)
+        store.save_generation(Generation(1, 16, 12, 3, 2, 0.5, 1.0, {}))
+        store.save_generation(Generation(2, 16, 10, 3, 2, 0.4, 1.0, {}))
         store.log("launch", "here")
         store.log("end", "generations")
     assert again(store).totals() == (2, 32, 22)
@@ -164,7 +181,7 @@ def test_events_and_totals_add_up(store):
 def test_a_generation_that_another_process_has_stored_is_noticed(store):
     store.require_generation(0)
     with store.transaction():
-        store.save_generation(1, 16, 12, 0.5, 1.0)
+        store.save_generation(Generation(1, 16, 12, 3, 2, 0.5, 1.0, {}))
     store.require_generation(1)
     with pytest.raises(GpsearchError, match="another gpsearch runs here"):
         store.require_generation(0)

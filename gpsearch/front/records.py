@@ -1,0 +1,83 @@
+"""JSON forms of what a store holds. Python writes floats so that they read back to the last bit, infinity too."""
+
+from typing import Any
+
+import numpy as np
+
+from fitters.fits import Description, Fit
+from fitters.fits.checks import Checks
+from gpsearch.evolution.island import Individual
+from gpsearch.front.front import Member
+from gpsearch.genomes import Genome
+
+
+def individual_json(individual: Individual) -> list[Any]:
+    genome = individual.genome
+    return [genome.start, genome.to_json(), individual.expression, individual.nodes, individual.error]
+
+
+def read_individual(stored: list[Any]) -> Individual:
+    start, edits, expression, nodes, error = stored
+    return Individual(Genome.from_json(start, edits), expression, nodes, error)
+
+
+def fit_json(fit: Fit) -> dict[str, Any]:
+    return {
+        "names": fit.names,
+        "values": fit.values.tolist(),
+        "errors": fit.errors.tolist(),
+        "error": fit.error,
+        "evaluations": fit.evaluations,
+        "standard_error": fit.standard_error,
+    }
+
+
+def read_fit(stored: dict[str, Any]) -> Fit:
+    names = tuple(stored["names"])
+    values = np.array(stored["values"], np.float64).reshape(len(stored["errors"]), len(names))
+    return Fit(
+        names=names,
+        values=values,
+        errors=np.array(stored["errors"], np.float64),
+        error=stored["error"],
+        evaluations=stored["evaluations"],
+        standard_error=stored["standard_error"],
+    )
+
+
+def member_json(member: Member) -> dict[str, Any]:
+    return {
+        "expression": member.expression,
+        "nodes": member.nodes,
+        "start": member.genome.start,
+        "edits": member.genome.to_json(),
+        "island": member.island,
+        "generation": member.generation,
+        "fit": fit_json(member.fit),
+        "screened": member.screened,
+    }
+
+
+def read_member(stored: dict[str, Any]) -> Member:
+    return Member(
+        expression=stored["expression"],
+        nodes=stored["nodes"],
+        genome=Genome.from_json(stored["start"], stored["edits"]),
+        island=stored["island"],
+        generation=stored["generation"],
+        fit=read_fit(stored["fit"]),
+        screened=stored["screened"],
+    )
+
+
+def description_json(description: Description) -> dict[str, Any]:
+    return {
+        "fit": fit_json(description.fit),
+        "metrics": description.metrics,
+        "checks": vars(description.checks),
+        "cost_ns": description.cost_ns,
+    }
+
+
+def read_description(stored: dict[str, Any]) -> Description:
+    return Description(read_fit(stored["fit"]), stored["metrics"], Checks(**stored["checks"]), stored["cost_ns"])
