@@ -1,4 +1,4 @@
-"""Arrays on disk by content hash: what is slow to build is built once per machine.
+"""A cache on disk by content hash: what is slow to build is built once per machine.
 
 The folder is `GPSEARCH_CACHE` where that is set, else the user's cache folder. Files are written beside their
 name and moved into place, so that processes may share them; a damaged one is thrown away and built again.
@@ -9,6 +9,7 @@ import os
 import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import platformdirs
@@ -47,15 +48,23 @@ def arrays(kind: str, key: str, build: Callable[[], Mapping[str, np.ndarray]]) -
         # A torn or foreign file: np.load raises many kinds (zipfile, zlib, value, OS errors).
         path.unlink(missing_ok=True)
     built = dict(build())
+    write(path, lambda file: np.savez(file, **built))  # type: ignore[arg-type]
+    return built
+
+
+def write(path: Path, save: Callable[[BinaryIO], object]) -> None:
+    """Puts what `save` writes in the place of `path`, whole: other processes see the old file or the new one.
+
+    Does nothing where the folder cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         descriptor, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
         try:
             with os.fdopen(descriptor, "wb") as file:
-                np.savez(file, **built)  # type: ignore[arg-type]
+                save(file)
             os.replace(temporary, path)
         except OSError:
             Path(temporary).unlink(missing_ok=True)
     except OSError:
         pass
-    return built

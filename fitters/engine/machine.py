@@ -8,9 +8,9 @@ compares with this file by running every one.
 import math
 from functools import cache
 
-from numba import carray, cfunc, njit, types
+from numba import carray, njit, types
 
-from fitters.engine import math32
+from fitters.engine import compiled, math32
 from fitters.engine.graph import ZERO_LOG
 from fitters.engine.math32 import FLAGS, ONE, address_as, load, store
 
@@ -18,7 +18,7 @@ MAX_SLOTS = 1 << 20
 """A bound that views of raw addresses are given; nothing reads so far."""
 
 _LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-_CACHED = {"fastmath": FLAGS, "error_model": "numpy", "cache": True}
+_ENTRY = {"fastmath": FLAGS, "error_model": "numpy"}
 
 
 @njit(**_LOOP)
@@ -298,7 +298,7 @@ def _kernel():
     A C function, called by its address: what calls it cannot inline it, which would make LLVM optimise all the
     loops again in every caller (a minute instead of seconds).
     """
-    return cfunc(types.void(*[types.int64] * 5), **_CACHED)(_dispatch)
+    return compiled.c_function(types.void(*[types.int64] * 5), **_ENTRY)(_dispatch)
 
 
 def kernel_address() -> int:
@@ -311,7 +311,7 @@ def run_block(code, slots, scalars, n):
     _kernel().ctypes(code.ctypes.data, len(code), slots.ctypes.data, scalars.ctypes.data, n)
 
 
-@njit(**_CACHED)
+@compiled.entry(**_ENTRY)
 def run_scalars(code, registers):
     """Runs `code` (instructions, 4) over the float64 scalar registers."""
     for k in range(code.shape[0]):

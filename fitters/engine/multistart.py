@@ -5,13 +5,13 @@ from collections import namedtuple
 import numpy as np
 from numba import njit
 
+from fitters.engine import compiled
 from fitters.engine.math32 import load
 from fitters.engine.objective import compute, integers, objective, project
 from fitters.engine.projection import BLOCK, combine
 from fitters.engine.simplex import copy, nelder_mead
 
 _INNER = {"error_model": "numpy"}
-_ENTRY = {"error_model": "numpy", "cache": True}
 
 Descent = namedtuple("Descent", ["restarts", "rounds", "step", "limit", "tolerance", "hopeless", "poor"])
 """How hard a fit tries.
@@ -67,7 +67,7 @@ def _total(values):
     return total
 
 
-@njit(**_ENTRY)
+@compiled.entry(**_INNER)
 def fit_targets(machine, starts, near, descent, best_x, best_value):
     """Fits every target from shared starts (s, d); fills best_x (t, d) and best_value (t,).
 
@@ -139,7 +139,7 @@ def _exchange(machine, descent, rank, best_x, best_value, c):
     return used
 
 
-@njit(**_ENTRY)
+@compiled.entry(**_INNER)
 def polish_targets(machine, descent, best_x, best_value, best_c):
     """Descends once more from each target's best (t, d) with a small fresh simplex; fills best_c (t, k) too."""
     used = 0
@@ -158,14 +158,14 @@ def polish_targets(machine, descent, best_x, best_value, best_c):
     return used
 
 
-@njit(**_ENTRY)
+@compiled.entry(**_INNER)
 def state_targets(machine, best_x, best_value, best_c):
     """The linear coefficients best_c (t, k) and sums of squares best_value (t,) at coordinates best_x (t, d)."""
     for target in range(best_value.shape[0]):
         best_value[target] = objective(machine, target, best_x[target], best_c[target])
 
 
-@njit(**_ENTRY)
+@compiled.entry(**_INNER)
 def add_squares(machine, x, c, squares):
     """Adds to squares (cells,) float64 the squared weighted residuals of every target, at what `x` and `c` say."""
     values = np.empty(BLOCK, np.float32)

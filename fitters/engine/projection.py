@@ -10,11 +10,11 @@ SS is then summed from the residuals themselves: from the normal equations it wo
 import numpy as np
 from numba import njit
 
+from fitters.engine import compiled
 from fitters.engine.math32 import FLAGS, ZERO, load
 
 _LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _INNER = {"error_model": "numpy"}
-_ENTRY = {"error_model": "numpy", "cache": True}
 
 BLOCK = 1024
 """Cells per block: a dozen vectors of it fit the first-level cache."""
@@ -321,7 +321,7 @@ def _solve_2(gram, right, low, high, c):
     return best < np.inf
 
 
-@njit(**_ENTRY)
+@compiled.entry(**_INNER)
 def solve_box(gram, right, low, high, c):
     """c minimising c^T gram c / 2 - right^T c in the box, exactly: every active set is tried where one is.
 

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from fitters.engine import compiled
 from fitters.grid import CELLS, SHAPE, Array
 from fitters.scenes.environment import EnvironmentMap
 
@@ -34,7 +35,7 @@ def integrate(light: EnvironmentMap, normals: Array) -> Array:
     return np.ascontiguousarray(table.T).reshape(3, *SHAPE) / len(normals)
 
 
-@njit(cache=True)
+@compiled.entry()
 def _gather(normals: Array, directions: Array, emission: Array, table: Array) -> None:
     """Add `emission` (texels, 3) from `directions` (texels, 3) to `table` (CELLS, 3) for all normals."""
     frames, cos_diff, diff_bins = _half_frames(directions)
@@ -54,7 +55,7 @@ def _gather(normals: Array, directions: Array, emission: Array, table: Array) ->
             table[cell, 2] += emission[t, 2] * cos_i
 
 
-@njit(cache=True)
+@njit
 def _half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     """What a texel shares among all pixels: half vector h and h x w_i (texels, 6), cos(theta_diff), bin."""
     count = directions.shape[0]
@@ -71,7 +72,7 @@ def _half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     return frames, cos_diff, bins
 
 
-@njit(cache=True)
+@njit
 def _cell(theta_half: float, diff_bin: int, phi_diff: float) -> int:
     """As `fitters.grid.cell_index`, the theta_diff bin given; phi_diff in [-pi, pi] is folded modulo pi."""
     half_bin = min(int(math.sqrt(theta_half / (math.pi / 2)) * SHAPE[0]), SHAPE[0] - 1)
