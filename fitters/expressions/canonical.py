@@ -16,14 +16,13 @@ import numpy as np
 from fitters.expressions import grammar
 from fitters.expressions.evaluation import FUNCTIONS, dot_feature
 from fitters.expressions.expression import Expression
-from fitters.expressions.text import to_text
 
 _DOTS = {
-    "wi.wo": ("wi", "wo"),
-    "wi.wh": ("wi", "wh"),
-    "wo.wr": ("wo", "wr"),
-    "wh.wr": ("wh", "wr"),
-    "2 wi.z^2 - 1": ("wi", "wr"),
+    "wi.wo": "dot(wi, wo)",
+    "wi.wh": "dot(wi, wh)",
+    "wo.wr": "dot(wo, wr)",
+    "wh.wr": "dot(wh, wr)",
+    "2 wi.z^2 - 1": "dot(wi, wr)",
 }
 _UNORDERED = frozenset(("sum", "product", "max", "min"))
 
@@ -56,7 +55,7 @@ def canonical(expression: Expression) -> Canonical:
     _collect_contexts(flat, 0, contexts)
     _, ordered = _ordered(flat, {name: ".".join(map(str, sorted(found))) for name, found in contexts.items()})
     names: dict[str, str] = {}
-    return Canonical(to_text(_emit(ordered, names)), names)
+    return Canonical(_bare(_text(ordered, names), ordered), names)
 
 
 def _flat(node: Expression) -> _Node:
@@ -165,46 +164,26 @@ def _ordered(node: _Node, signatures: Mapping[str, str]) -> tuple[str, _Node]:
     return key, _Node(node.symbol, tuple(child for _, child in pairs))
 
 
-def _emit(node: _Node, names: dict[str, str]) -> Expression:
+def _text(node: _Node, names: dict[str, str]) -> str:
+    """Text of a node, a sum or product in parentheses; parameters get their numbers as they come."""
     if node.value is not None:
-        constant = Expression(grammar.constant(abs(node.value)))
-        return Expression("neg", (constant,)) if node.value < 0 else constant
-    if node.symbol in _DOTS:
-        return Expression("dot", tuple(map(Expression, _DOTS[node.symbol])))
-    if grammar.is_parameter(node.symbol):
-        return Expression(names.setdefault(node.symbol, f"p{len(names)}"))
+        return f"{'-' if node.value < 0 else ''}{grammar.constant(abs(node.value))}"
+    if not node.children:
+        if grammar.is_parameter(node.symbol):
+            return names.setdefault(node.symbol, f"p{len(names)}")
+        return _DOTS.get(node.symbol, node.symbol)
+    if node.symbol == "neg":
+        return f"-{_text(node.children[0], names)}"
     if node.symbol == "sum":
-        return _emit_pair(node.children, "neg", "add", "sub", names)
+        terms = [_text(child, names) for child in node.children]
+        return f"({' + '.join(terms).replace('+ -', '- ')})"
     if node.symbol == "product":
-        return _emit_pair(node.children, "inverse", "mul", "div", names)
-    return Expression(node.symbol, tuple(_emit(child, names) for child in node.children))
+        plain = [_text(child, names) for child in node.children if child.symbol != "inverse"]
+        under = [_text(child.children[0], names) for child in node.children if child.symbol == "inverse"]
+        return f"({' / '.join([' * '.join(plain or ['1']), *under])})"
+    return f"{node.symbol}({', '.join(_bare(_text(child, names), child) for child in node.children)})"
 
 
-def _emit_pair(
-    children: tuple[_Node, ...], marked: str, joining: str, parting: str, names: dict[str, str]
-) -> Expression:
-    """A sum of plain terms minus that of the negated ones; a product of plain factors over that of the inverse."""
-    plain = [_emit(child, names) for child in children if not _is_marked(child, marked)]
-    other = [
-        _emit(_negated(child) if marked == "neg" else child.children[0], names)
-        for child in children
-        if _is_marked(child, marked)
-    ]
-    if not other:
-        return _joined(plain, joining)
-    if plain:
-        return Expression(parting, (_joined(plain, joining), _joined(other, joining)))
-    rest = _joined(other, joining)
-    return Expression("neg", (rest,)) if marked == "neg" else Expression("div", (Expression("1"), rest))
-
-
-def _is_marked(node: _Node, marked: str) -> bool:
-    return node.symbol == marked or (marked == "neg" and node.value is not None and node.value < 0)
-
-
-def _joined(parts: list[Expression], symbol: str) -> Expression:
-    """A balanced tree of one operator."""
-    while len(parts) > 1:
-        rest = parts[-1:] if len(parts) % 2 else []
-        parts = [Expression(symbol, pair) for pair in zip(parts[::2], parts[1::2], strict=False)] + rest
-    return parts[0]
+def _bare(text: str, node: _Node) -> str:
+    """The text of a node without the parentheses around a whole sum or product."""
+    return text[1:-1] if node.symbol in ("sum", "product") else text
