@@ -25,7 +25,10 @@ hopeless:  a sum of squares over all targets; above it, after a first descent of
 poor:      likewise, after all descents
 """
 
-NEAR = 2.0
+BETTER = 0.999
+"""The optimum of another target is descended from where its sum of squares is below so many times one's own."""
+
+NEAR = 1.5
 """A warm start is descended from where its sum of squares is at most so many times the best that was found."""
 
 
@@ -73,8 +76,8 @@ def fit_targets(machine, starts, near, descent, best_x, best_value):
 
     All starts are evaluated once for all targets, since only the closed-form part differs between them. A target
     first descends from its best start, then from the best of those that no target has taken: the best start is
-    often in the wrong valley, and it is enough that one target finds the right one. For then, in rounds, every
-    target descends from the optima of others that suit it best. Last come warm starts `near` (t or 0, d), one per
+    often in the wrong valley, and it is enough that one target finds the right one. For then, in rounds, targets
+    descend from the optima of others that suit them better than their own. Last come warm starts `near` (t or 0, d), one per
     target: they can only lower what was found without them.
 
     Returns the number of evaluations and whether the fit was carried through, not given up on the way.
@@ -89,8 +92,8 @@ def fit_targets(machine, starts, near, descent, best_x, best_value):
     used = starts.shape[0] + _descend_from_table(machine, starts, table, descent, best_x, best_value, c)
     if _total(best_value) > descent.hopeless:
         return used, False
-    for rank in range(descent.rounds if d > 0 else 0):
-        used += _exchange(machine, descent, rank, best_x, best_value, c)
+    for _ in range(descent.rounds if d > 0 else 0):
+        used += _exchange(machine, descent, best_x, best_value, c)
     x = np.empty(d)
     for target in range(near.shape[0]):
         copy(x, near[target])
@@ -117,24 +120,18 @@ def _descend_from_table(machine, starts, table, descent, best_x, best_value, c):
 
 
 @njit(**_INNER)
-def _exchange(machine, descent, rank, best_x, best_value, c):
-    """Every target descends once from the optimum of another that suits it best, or `rank` places after."""
+def _exchange(machine, descent, best_x, best_value, c):
+    """Every target descends from the optimum of another where that suits it better than its own."""
     t = best_value.shape[0]
     found, table = np.empty(best_x.shape), np.empty((t, t))
     for row in range(t):
         copy(found[row], best_x[row])
         _table_row(machine, found[row], table[row], c)
     used = t
+    nothing = np.zeros(t, np.bool_)
     for target in range(t):
-        taken = np.zeros(t, np.bool_)
-        taken[target] = True
-        row = -1
-        for _ in range(rank + 1):
-            row = _best_row(table, target, taken)
-            if row < 0:
-                break
-            taken[row] = True
-        if row >= 0:
+        row = _best_row(table, target, nothing)
+        if row >= 0 and table[row, target] < BETTER * best_value[target]:
             used += _descend(machine, target, found[row], descent, best_x, best_value, c)
     return used
 
@@ -150,7 +147,7 @@ def polish_targets(machine, descent, best_x, best_value, best_c):
             best_x[target],
             0.2 * descent.step,
             descent.limit,
-            0.01 * descent.tolerance,
+            0.1 * descent.tolerance,
             best_c[target],
         )
         used += evaluations

@@ -108,9 +108,14 @@ class Prepared:
         inputs = program.input_vectors(features)
         written = np.empty((max(program.persistent - len(program.inputs), 1), n), np.float32)
         temporaries = np.empty((max(program.temporaries, 1), BLOCK), np.float32)
-        base = _rows(inputs)[: len(program.inputs)] + _rows(written)[: program.persistent - len(program.inputs)]
-        advance = [4] * len(base) + [0] * program.temporaries
-        base += _rows(temporaries)[: program.temporaries]
+        base = np.concatenate(
+            [
+                _rows(inputs)[: len(program.inputs)],
+                _rows(written)[: program.persistent - len(program.inputs)],
+                _rows(temporaries)[: program.temporaries],
+            ]
+        )
+        advance = np.where(np.arange(len(base)) < program.persistent, 4, 0)
         self._kept += [inputs, written, temporaries]
         outputs = [base[slot] if slot >= 0 else 0 for slot in program.outputs]
         fields = {
@@ -122,8 +127,8 @@ class Prepared:
             "registers": self._address(program.scalars.copy()),
             "scalars": self._address(np.zeros(len(program.scalars), np.float32)),
             "registers_count": len(program.scalars),
-            "base": self._address(np.array(base, np.int64)),
-            "advance": self._address(np.array(advance, np.int64)),
+            "base": self._address(base),
+            "advance": self._address(advance),
             "slots": self._address(np.zeros(len(base), np.int64)),
             "slots_count": len(base),
             "outputs": self._address(np.array(outputs, np.int64)),
@@ -134,8 +139,8 @@ class Prepared:
             "linear_box": self._address(linear_box),
             "normal": self._address(np.zeros((k + 1, k))),
             "scratch": self._address(np.empty(BLOCK, np.float32)),
-            "weights": self._address(np.array(_rows(weights), np.int64)),
-            "weighted": self._address(np.array(_rows(weighted), np.int64)),
+            "weights": self._address(_rows(weights)),
+            "weighted": self._address(_rows(weighted)),
             "cells": n,
         }
         return np.array([tuple(fields[name] for name in MACHINE.names or ())], MACHINE)[0]
@@ -143,8 +148,8 @@ class Prepared:
     def _over_first_cells(self, weights: NDArray, weighted: NDArray) -> np.void:
         """The record over as many of the first cells as there are columns: only weights and targets differ."""
         record = np.array(self.machine, MACHINE)
-        record["weights"] = self._address(np.array(_rows(weights), np.int64))
-        record["weighted"] = self._address(np.array(_rows(weighted), np.int64))
+        record["weights"] = self._address(_rows(weights))
+        record["weighted"] = self._address(_rows(weighted))
         record["cells"] = weights.shape[1]
         self._kept += [weights, weighted]
         return record.reshape(1)[0]
@@ -162,6 +167,6 @@ def _intervals(names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]
     )
 
 
-def _rows(array: NDArray) -> list[int]:
+def _rows(array: NDArray) -> NDArray[np.int64]:
     """Addresses of the rows of a contiguous array."""
-    return [array.ctypes.data + row * array.strides[0] for row in range(len(array))]
+    return array.ctypes.data + array.strides[0] * np.arange(len(array))

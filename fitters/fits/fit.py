@@ -6,6 +6,7 @@ Restarts are seeded from the expression itself, so that the same expression gets
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ STEP = 0.5
 """Extent of the first simplex, in logarithms as a rule."""
 
 
-HOPELESS, POOR = 1.6, 1.15
+HOPELESS, POOR = 1.5, 1.05
 """A fit with a bar is given up where its error on the coarse cells is above so many times the bar.
 
 HOPELESS after the first descent of every target, POOR after the last. Of candidates that end below the median of
@@ -51,17 +52,17 @@ class FitSettings:
     tolerance:   relative spread of the objective over a converged simplex
     """
 
-    starts: int = 128
+    starts: int = 256
     restarts: int = 2
     rounds: int = 2
     evaluations: int = 30
     tolerance: float = 1e-4
 
     def thorough(self) -> "FitSettings":
-        """The settings for the few expressions whose fit is kept: about four times the work."""
+        """The settings for the few expressions whose fit is kept: some ten times the work."""
         return FitSettings(
             starts=4 * self.starts,
-            restarts=2 * self.restarts,
+            restarts=4 * self.restarts,
             rounds=self.rounds + 2,
             evaluations=2 * self.evaluations,
             tolerance=0.1 * self.tolerance,
@@ -196,16 +197,23 @@ def _starts(expression: Expression, low: Array, high: Array, count: int) -> Arra
     if d == 0:
         return np.zeros((1, 0))
     seed = int.from_bytes(hashlib.sha256(to_text(expression).encode()).digest()[:8], "little")
-    # Generalised golden ratio: the root of x^(d + 1) = x + 1 (Roberts 2018).
-    ratio = 2.0
-    for _ in range(40):
-        ratio = (1.0 + ratio) ** (1.0 / (d + 1))
-    steps = ratio ** -np.arange(1, d + 1)
-    points = np.mod(np.random.default_rng(seed).random(d) + np.outer(np.arange(count), steps), 1.0)
+    points = _recurrence(count, d) + np.random.default_rng(seed).random(d)
+    points -= np.floor(points)
     for i, (least, largest) in enumerate(RANGES):
         # Coordinates are logarithms where the parameter is bounded away from zero from below.
         first, last = np.maximum(low, np.log(least)), np.minimum(high, np.log(largest))
         narrow = first < last
         first, last = np.where(narrow, first, low), np.where(narrow, last, high)
-        points[i :: len(RANGES)] = first + points[i :: len(RANGES)] * (last - first)
+        points[i :: len(RANGES)] *= last - first
+        points[i :: len(RANGES)] += first
     return points
+
+
+@lru_cache(maxsize=32)
+def _recurrence(count: int, d: int) -> Array:
+    """Points (count, d) that fill the unit cube evenly modulo 1, by the generalised golden ratio (Roberts 2018)."""
+    ratio = 2.0
+    for _ in range(40):
+        # The root of x^(d + 1) = x + 1.
+        ratio = (1.0 + ratio) ** (1.0 / (d + 1))
+    return np.outer(np.arange(count), ratio ** -np.arange(1, d + 1))

@@ -1,0 +1,50 @@
+"""The benchmarks of the fit engine: `python -m tests.benchmarks.engine [SECTION ...] [--data FOLDER]`."""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import click
+
+from fitters.engine.warm import warm_up
+from fitters.fits import FitProblem, build_problem
+from tests.benchmarks import evaluation, fitting, growth, quality
+from tests.benchmarks.problem import data_folder, recipe
+from tests.benchmarks.table import Table
+
+SECTIONS: dict[str, Callable[[FitProblem], Iterable[Table]]] = {
+    "evaluation": evaluation.tables,
+    "fitting": fitting.tables,
+    "quality": quality.tables,
+    "growth": growth.tables,
+}
+
+
+@click.command()
+@click.argument("sections", nargs=-1, type=click.Choice(list(SECTIONS)))
+@click.option(
+    "--data",
+    type=click.Path(exists=True, file_okay=False, path_type=Path),
+    default=data_folder,
+    help="Folder with rgl/ and envmaps/; without one, built-in materials and light.",
+)
+def main(sections: tuple[str, ...], data: Path | None) -> None:
+    """Prints the tables of the named sections, by default of all."""
+    problem = build_problem(recipe(data))
+    warm_up()
+    click.echo(
+        f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}\n"
+        f"{', '.join(problem.materials)}: {len(problem.targets)} targets, {len(problem.full):,} lit cells, "
+        f"{len(problem.fine):,} in the fine sample, {len(problem.sample):,} in the sample"
+    )
+    for name in sections or SECTIONS:
+        started = time.perf_counter()
+        for table in SECTIONS[name](problem):
+            click.echo(f"\n{table.text()}")
+        click.echo(f"\n{name}: {time.perf_counter() - started:.0f} s")
+
+
+if __name__ == "__main__":
+    main()
