@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from dataclasses import dataclass
@@ -39,7 +38,5 @@ def context_of(recipe: Recipe) -> Any:
             while len(_contexts) >= KEPT:
                 _contexts.popitem(last=False)
             _contexts[recipe] = recipe.build(recipe.argument)
-            # All that is loaded now stays: the garbage collector need not go through it again and again.
-            gc.freeze()
         _contexts.move_to_end(recipe)
         return _contexts[recipe]

@@ -77,8 +77,9 @@ def fit_targets(machine, starts, near, descent, best_x, best_value):
     All starts are evaluated once for all targets, since only the closed-form part differs between them. A target
     first descends from its best start, then from the best of those that no target has taken: the best start is
     often in the wrong valley, and it is enough that one target finds the right one. For then, in rounds, targets
-    descend from the optima of others that suit them better than their own. Last come warm starts `near` (t or 0, d), one per
-    target: they can only lower what was found without them.
+    descend from the optima of others that suit them better than their own.
+
+    Last come warm starts `near` (t or 0, d), one per target: they can only lower what was found without them.
 
     Returns the number of evaluations and whether the fit was carried through, not given up on the way.
     """

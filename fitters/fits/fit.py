@@ -211,7 +211,7 @@ def _starts(expression: Expression, low: Array, high: Array, count: int) -> Arra
 
 @lru_cache(maxsize=32)
 def _recurrence(count: int, d: int) -> Array:
-    """Points (count, d) that fill the unit cube evenly modulo 1, by the generalised golden ratio (Roberts 2018)."""
+    """Points (count, d) that modulo 1 fill the unit cube evenly: the generalised golden ratio (Roberts 2018)."""
     ratio = 2.0
     for _ in range(40):
         # The root of x^(d + 1) = x + 1.

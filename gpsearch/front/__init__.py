@@ -1,6 +1,6 @@
 """The Pareto front of error and size, and the store that keeps it."""
 
-from gpsearch.front.front import Front, Member
+from gpsearch.front.front import Front, Member, Screened
 from gpsearch.front.store import Generation, Store
 
-__all__ = ["Front", "Generation", "Member", "Store"]
+__all__ = ["Front", "Generation", "Member", "Screened", "Store"]

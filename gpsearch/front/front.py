@@ -1,6 +1,6 @@
 """The front: confirmed candidates that no other beats in error and size at once."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fitters.fits import Fit
@@ -22,6 +22,20 @@ class Member:
     @property
     def error(self) -> float:
         return self.fit.error
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What is known of a candidate before it is confirmed: its error on the small sample."""
+
+    expression: str
+    nodes: int
+    error: float
+    standard_error: float = 0.0
+
+
+SAME = 1e-4
+"""Relative difference up to which two errors on one sample count as one."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +61,21 @@ class Front:
         """
         return min((max(m.screened, m.error) for m in self.members if m.nodes <= nodes), default=float("inf"))
 
-    def worth_confirming(self, screened: Mapping[str, tuple[int, float]]) -> list[str]:
-        """Which of the candidates, (nodes, screened error) by expression, could enter the front."""
+    def worth_confirming(self, screened: Iterable[Screened]) -> list[str]:
+        """The expressions that could enter the front: those within a standard error of doing so.
+
+        What has the error of something smaller to some digits, on the same sample, is the same function written
+        at greater length, and is passed over.
+        """
         chosen: list[str] = []
         best = float("inf")
-        for text, (nodes, error) in sorted(screened.items(), key=lambda item: (*item[1], item[0])):
-            if error < min(best, self.bar(nodes)):
-                chosen.append(text)
-                best = error
+        known = [(member.nodes, member.screened) for member in self.members]
+        for one in sorted(screened, key=lambda s: (s.nodes, s.error, s.expression)):
+            smaller = [error for nodes, error in known if nodes <= one.nodes]
+            repeats = any(abs(error - one.error) <= SAME * one.error for error in smaller)
+            bar = min(self.bar(one.nodes), best)
+            if one.error - one.standard_error < bar and not repeats:
+                chosen.append(one.expression)
+                known.append((one.nodes, one.error))
+                best = min(best, one.error)
         return chosen

@@ -35,8 +35,8 @@ _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE islands (number INTEGER PRIMARY KEY, generation INTEGER NOT NULL, population TEXT NOT NULL);
 CREATE TABLE fits (
-    canonical TEXT PRIMARY KEY, error REAL NOT NULL, bar REAL NOT NULL, parameters BLOB NOT NULL,
-    nodes INTEGER, generation INTEGER
+    canonical TEXT PRIMARY KEY, error REAL NOT NULL, standard_error REAL NOT NULL, bar REAL NOT NULL,
+    parameters BLOB NOT NULL, nodes INTEGER, generation INTEGER
 ) WITHOUT ROWID;
 CREATE TABLE front (expression TEXT PRIMARY KEY, member TEXT NOT NULL, description TEXT) WITHOUT ROWID;
 CREATE TABLE baselines (name TEXT PRIMARY KEY, baseline TEXT NOT NULL) WITHOUT ROWID;
@@ -177,10 +177,13 @@ class Store:
 
     # fits
 
-    def fits(self) -> dict[str, tuple[float, float]]:
-        """Error and bar of every fit, by canonical expression; the bar is infinite where the fit was finished."""
-        rows = self._connection.execute("SELECT canonical, error, bar FROM fits")
-        return {canonical: (error, bar) for canonical, error, bar in rows}
+    def fits(self) -> dict[str, tuple[float, float, float]]:
+        """Error, its standard error and the bar of every fit, by canonical expression.
+
+        The bar is infinite where the fit was finished.
+        """
+        rows = self._connection.execute("SELECT canonical, error, standard_error, bar FROM fits")
+        return {canonical: tuple(known) for canonical, *known in rows}
 
     def seen(self) -> dict[str, int]:
         """Smallest sizes of the expressions that occurred in whole generations, by canonical expression.
@@ -199,12 +202,13 @@ class Store:
                 found[expression] = np.frombuffer(row[0], np.float32).reshape(targets, -1)
         return found
 
-    def save_fits(self, rows: Iterable[tuple[str, float, float, NDArray[np.float32]]]) -> None:
-        """Canonical expressions, errors, bars and parameters."""
+    def save_fits(self, rows: Iterable[tuple[str, float, float, float, NDArray[np.float32]]]) -> None:
+        """Canonical expressions, errors, their standard errors, bars and parameters."""
         self._connection.executemany(
-            "INSERT INTO fits VALUES (?, ?, ?, ?, NULL, NULL) ON CONFLICT (canonical) DO UPDATE"
-            " SET error = excluded.error, bar = excluded.bar, parameters = excluded.parameters",
-            [(canonical, error, bar, values.tobytes()) for canonical, error, bar, values in rows],
+            "INSERT INTO fits VALUES (?, ?, ?, ?, ?, NULL, NULL) ON CONFLICT (canonical) DO UPDATE"
+            " SET error = excluded.error, standard_error = excluded.standard_error, bar = excluded.bar,"
+            " parameters = excluded.parameters",
+            [(*known, values.tobytes()) for *known, values in rows],
         )
 
     def save_seen(self, nodes: Mapping[str, int], generation: int) -> None:

@@ -27,6 +27,7 @@ class Known:
     """
 
     error: float
+    standard_error: float = 0.0
     bar: float = math.inf
 
 
@@ -51,7 +52,7 @@ class Memory:
         return found is not None and found.bar >= bar
 
     def learn(self, key: str, fit: Fit, bar: float) -> None:
-        self.known[key] = Known(fit.error, math.inf if fit.finished else bar)
+        self.known[key] = Known(fit.error, fit.standard_error, math.inf if fit.finished else bar)
         self.parameters[key] = fit.values.astype(np.float32)
         self.fresh.add(key)
 

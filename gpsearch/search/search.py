@@ -7,7 +7,7 @@ collected per generation before anything is decided.
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any, Protocol, TypeVar
 
 from fitters.expressions import parse
@@ -15,7 +15,7 @@ from fitters.expressions.canonical import Canonical, canonical
 from fitters.fits import Candidate, DescriptionJob, confirm, describe, screen
 from fitters.fits.problem import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
-from gpsearch.front import Front, Generation, Member, Store
+from gpsearch.front import Front, Generation, Member, Screened, Store
 from gpsearch.search.entrants import Entrant, entrants
 from gpsearch.search.memory import Known, Memory
 from gpsearch.search.plan import Plan
@@ -208,7 +208,7 @@ class Search:
     def _save_fits(self) -> None:
         keys = sorted(self.memory.fresh)
         known, parameters = self.memory.known, self.memory.parameters
-        self.store.save_fits((key, known[key].error, known[key].bar, parameters[key]) for key in keys)
+        self.store.save_fits((key, *astuple(known[key]), parameters[key]) for key in keys)
         self.memory.fresh.clear()
 
     def _confirm(self, new: Iterable[Entrant]) -> list[Member]:
@@ -216,7 +216,9 @@ class Search:
         by_text = {entrant.expression: entrant for entrant in new}
         known = {text: self.memory.known[entrant.canonical.text] for text, entrant in by_text.items()}
         texts = self.front.worth_confirming(
-            {text: (by_text[text].nodes, fit.error) for text, fit in known.items() if fit.bar == math.inf}
+            Screened(text, by_text[text].nodes, fit.error, fit.standard_error)
+            for text, fit in known.items()
+            if fit.bar == math.inf
         )
         self.watcher.stage("confirming", len(texts))
         jobs = [self.plan.job(text) for text in texts]

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fitters.fits import Fit
-from gpsearch.front import Front, Member
+from gpsearch.front import Front, Member, Screened
+from gpsearch.front.front import SAME
 from gpsearch.genomes import Genome
 
 ERRORS = st.one_of(st.sampled_from([0.0, 0.1, 0.2, 0.3, inf]), st.floats(0, 1))
@@ -62,31 +63,54 @@ def test_whatever_would_enter_is_worth_confirming(pool, candidates):
     front = Front().updated(pool)
     known = {m.expression for m in pool}
     new = [c for c in candidates if c.expression not in known]
-    worth = front.worth_confirming({c.expression: (c.nodes, c.error) for c in new})
+    worth = front.worth_confirming(Screened(c.expression, c.nodes, c.error) for c in new)
     entered = {m.expression for m in front.updated(new).members} - {m.expression for m in front.members}
-    beaten_by_text_alone = {
-        c.expression for c in new if any((c.nodes, c.error) == (m.nodes, m.error) for m in front.members)
+    repeated = {
+        c.expression
+        for c in new
+        if any(
+            other.nodes <= c.nodes and abs(other.error - c.error) <= SAME * c.error
+            for other in (*front.members, *new)
+            if other is not c
+        )
     }
-    assert entered - beaten_by_text_alone <= set(worth)
+    assert entered - repeated <= set(worth)
     assert len(worth) == len(set(worth))
 
 
 def test_what_is_not_finite_is_not_worth_confirming():
-    assert Front().worth_confirming({"a": (1, inf), "b": (2, 0.5)}) == ["b"]
+    assert Front().worth_confirming([Screened("a", 1, inf), Screened("b", 2, 0.5)]) == ["b"]
     assert Front().updated([member("a", 1, inf)]).members == ()
 
 
 def test_a_member_that_the_sample_flattered_does_not_shut_the_door():
     front = Front((member("a", 3, error=0.5, screened=0.1),))
-    assert front.worth_confirming({"b": (4, 0.3), "c": (4, 0.6)}) == ["b"]
+    assert front.worth_confirming([Screened("b", 4, 0.3), Screened("c", 4, 0.6)]) == ["b"]
 
 
 def test_a_member_that_the_sample_wronged_does_not_shut_the_door_either():
     front = Front((member("a", 3, error=0.1, screened=0.5),))
-    assert front.worth_confirming({"b": (4, 0.3)}) == ["b"]
+    assert front.worth_confirming([Screened("b", 4, 0.3)]) == ["b"]
 
 
 def test_a_member_stays_as_it_is_when_its_expression_comes_again():
     first = member("a", 1, 0.5)
     front = Front((first,)).updated([member("a", 1, 0.5)])
     assert front.members[0] is first
+
+
+def test_what_is_within_a_standard_error_is_worth_confirming():
+    front = Front((member("a", 3, error=0.5, screened=0.5),))
+    near, far = Screened("b", 4, 0.504, 0.005), Screened("c", 4, 0.506, 0.005)
+    assert front.worth_confirming([near, far]) == ["b"]
+
+
+def test_a_candidate_that_the_sample_flatters_does_not_keep_a_larger_one_out():
+    flattered, larger = Screened("b", 4, 0.30, 0.01), Screened("c", 5, 0.305, 0.01)
+    assert Front().worth_confirming([flattered, larger]) == ["b", "c"]
+
+
+def test_the_same_function_at_greater_length_is_passed_over():
+    front = Front((member("a", 3, error=0.52, screened=0.5),))
+    longer, new = Screened("b", 4, 0.50001, 0.1), Screened("c", 4, 0.49, 0.0)
+    assert front.worth_confirming([longer, new, Screened("d", 6, 0.49, 0.1)]) == ["c"]

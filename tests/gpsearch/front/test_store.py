@@ -65,10 +65,10 @@ def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
     islands = (Island(0, 3, population), Island(1, 3, population[::-1]))
     with store.transaction():
         store.save_islands(islands)
-        store.save_fits((i.expression, i.error, inf, np.float32([[i.error, 2.0]] * 3)) for i in population)
+        store.save_fits((i.expression, i.error, 0.01, inf, np.float32([[i.error, 2.0]] * 3)) for i in population)
     read = again(store)
     assert read.islands() == islands
-    assert read.fits() == {f"p{i}": (error, inf) for i, error in enumerate(errors)}
+    assert read.fits() == {f"p{i}": (error, 0.01, inf) for i, error in enumerate(errors)}
     for name, values in read.parameters([f"p{i}" for i in range(len(errors))] + ["unknown"], 3).items():
         np.testing.assert_array_equal(values, np.float32([[errors[int(name[1:])], 2.0]] * 3))
     read.close()
@@ -120,15 +120,15 @@ def test_members_that_leave_take_their_descriptions_along_and_others_keep_theirs
 def test_expressions_are_seen_once_their_generation_is_whole(store):
     nothing = np.empty((3, 0), np.float32)
     with store.transaction():
-        store.save_fits([("p0", 0.5, 0.3, nothing), ("p1", inf, inf, nothing)])
-    assert again(store).fits() == {"p0": (0.5, 0.3), "p1": (inf, inf)}
+        store.save_fits([("p0", 0.5, 0.01, 0.3, nothing), ("p1", inf, 0.0, inf, nothing)])
+    assert again(store).fits() == {"p0": (0.5, 0.01, 0.3), "p1": (inf, 0.0, inf)}
     assert again(store).parameters(["p0"], 3)["p0"].shape == (3, 0)
     assert again(store).seen() == {}
     with store.transaction():
         store.save_seen({"p0": 7}, 4)
-        store.save_fits([("p0", 0.4, inf, nothing)])
+        store.save_fits([("p0", 0.4, 0.02, inf, nothing)])
     assert again(store).seen() == {"p0": 7}
-    assert again(store).fits()["p0"] == (0.4, inf)
+    assert again(store).fits()["p0"] == (0.4, 0.02, inf)
 
 
 def test_the_history_comes_back(store):
@@ -223,11 +223,11 @@ def test_another_programs_database_is_refused(tmp_path):
         Store.open(tmp_path)
 
 
-@pytest.mark.parametrize("version", ["2", "0", "one"])
+@pytest.mark.parametrize("version", ["1", "3", "one"])
 def test_another_schema_version_is_refused(store, version):
     with store.transaction():
         store.set_meta("schema", version)
-    with pytest.raises(GpsearchError, match=f"its schema version is {version}, this gpsearch reads 1"):
+    with pytest.raises(GpsearchError, match=f"its schema version is {version}, this gpsearch reads 2"):
         again(store)
 
 
