@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.engine.coordinates import Coordinates
 from fitters.engine.machine import kernel_address
 from fitters.engine.multistart import Descent, add_squares, fit_targets, polish_targets, state_targets
 from fitters.engine.objective import MACHINE
@@ -51,18 +52,20 @@ class Prepared:
         coarse: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
     ) -> None:
         self.program = program = lower(expression)
-        self.low, self.high = _intervals(program.searched, bounds)
-        self.logarithmic = self.low > 0
-        for box in (self.low, self.high):
-            box[self.logarithmic] = np.log(box[self.logarithmic])
+        self.space = Coordinates(program, bounds)
         self._kept: list[NDArray] = [weights, weighted]
-        self.machine = self._record(features, weights, weighted, np.stack(_intervals(program.linear, bounds)))
+        self.machine = self._record(features, weights, weighted)
         self.coarse = self.machine if coarse is None else self._over_first_cells(*coarse)
 
     @property
     def searched(self) -> int:
         """How many parameters a simplex varies."""
-        return len(self.program.searched)
+        return self.space.searched
+
+    @property
+    def box(self) -> NDArray[np.float64]:
+        """Lower and upper bounds (2, searched) in coordinates."""
+        return self.space.box[:, : self.searched]
 
     def fit(self, starts: Array, near: Array, descent: Descent) -> "Optima":
         """`multistart.fit_targets` over the coarse cells; starts (s, searched), near (targets or 0, searched)."""
@@ -89,20 +92,15 @@ class Prepared:
 
     def coordinates(self, parameters: Mapping[str, Array]) -> NDArray[np.float64]:
         """The simplex coordinates (targets, searched) of parameters, each (targets,)."""
-        columns = [np.asarray(parameters[name], np.float64) for name in self.program.searched]
-        x = np.stack(columns, axis=1) if columns else np.zeros((len(self._kept[0]), 0))
-        x[:, self.logarithmic] = np.log(np.maximum(x[:, self.logarithmic], 1e-300))
-        return np.clip(np.nan_to_num(x), self.low, self.high)
+        if not parameters:
+            return np.zeros((len(self._kept[0]), 0))
+        return np.ascontiguousarray(self.space.of(parameters)[:, : self.searched])
 
     def parameters(self, found: "Optima") -> dict[str, Array]:
         """Parameters, each (targets,), of optima; in order of number."""
-        values = np.where(self.logarithmic, np.exp(np.where(self.logarithmic, found.x, 0.0)), found.x)
-        named = dict(zip(self.program.searched + self.program.linear, [*values.T, *found.c.T], strict=True))
-        return dict(sorted(named.items(), key=lambda item: int(item[0][1:])))
+        return self.space.parameters(np.concatenate([found.x, found.c], axis=1))
 
-    def _record(
-        self, features: dict[str, Array], weights: NDArray, weighted: NDArray, linear_box: Array
-    ) -> np.void:
+    def _record(self, features: dict[str, Array], weights: NDArray, weighted: NDArray) -> np.void:
         program, n = self.program, weights.shape[1]
         k = len(program.linear)
         inputs = program.input_vectors(features)
@@ -134,9 +132,9 @@ class Prepared:
             "outputs": self._address(np.array(outputs, np.int64)),
             "searched": len(program.searched),
             "linear": k,
-            "logarithmic": self._address(self.logarithmic.astype(np.float64)),
-            "box": self._address(np.stack([self.low, self.high])),
-            "linear_box": self._address(linear_box),
+            "logarithmic": self._address(self.space.logarithmic[: self.searched].astype(np.float64)),
+            "box": self._address(self.box.copy()),
+            "linear_box": self._address(self.space.box[:, self.searched :].copy()),
             "normal": self._address(np.zeros((k + 1, k))),
             "scratch": self._address(np.empty(BLOCK, np.float32)),
             "weights": self._address(_rows(weights)),
@@ -157,14 +155,6 @@ class Prepared:
     def _address(self, array: NDArray) -> int:
         self._kept.append(array)
         return int(array.ctypes.data)
-
-
-def _intervals(names: tuple[str, ...], bounds: Mapping[str, tuple[float, float]]) -> tuple[Array, Array]:
-    """Lower and upper bounds (names,)."""
-    return (
-        np.array([bounds[name][0] for name in names], np.float64),
-        np.array([bounds[name][1] for name in names], np.float64),
-    )
 
 
 def _rows(array: NDArray) -> NDArray[np.int64]:

@@ -9,7 +9,7 @@ Lowering goes expression -> graph (`graph.py`) -> split into linear coefficients
 alone is computed once per expression, in float64 by NumPy, and given to the machine as input vectors.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -36,6 +36,7 @@ class Program:
     code:             (n, 4); vector slots are inputs, then outputs, then temporaries
     inputs:           nodes of `graph` whose values on the cells the machine reads
     outputs:          (1 + linear,) vector slots; the first is -1 where there is no offset
+    roots:            nodes of `graph` that the outputs are, the offset first where there is one
     """
 
     searched: tuple[str, ...]
@@ -46,23 +47,28 @@ class Program:
     graph: Graph
     inputs: tuple[int, ...]
     outputs: NDArray[np.int32]
+    roots: tuple[int, ...]
     persistent: int
     temporaries: int
 
-    def input_vectors(self, features: dict[str, Array]) -> NDArray[np.float32]:
+    def input_vectors(self, features: Mapping[str, Array]) -> NDArray[np.float32]:
         """The machine's inputs (inputs, n) from the features of n cells: computed in float64, held in float32."""
-        n = len(features["wi.z"])
-        vectors = np.empty((max(len(self.inputs), 1), n), np.float32)
+        vectors = np.empty((max(len(self.inputs), 1), len(features["wi.z"])), np.float32)
         with np.errstate(all="ignore"):
-            values: dict[int, Array] = {}
-            for node in self.graph.reachable(self.inputs):
-                values[node] = _cell_value(self.graph, node, values, features)
-            for row, node in enumerate(self.inputs):
-                vectors[row] = values[node]
+            for row, values in enumerate(self.cell_values(features, self.inputs)):
+                vectors[row] = values
         return vectors
 
+    def cell_values(self, features: Mapping[str, Array], nodes: Sequence[int]) -> list[Array]:
+        """Values of nodes of the class CELL, each (n,) float64."""
+        values: dict[int, Array] = {}
+        with np.errstate(all="ignore"):
+            for node in self.graph.reachable(nodes):
+                values[node] = _cell_value(self.graph, node, values, features)
+        return [values[node] for node in nodes]
 
-def _cell_value(graph: Graph, node: int, values: dict[int, Array], features: dict[str, Array]) -> Array:
+
+def _cell_value(graph: Graph, node: int, values: dict[int, Array], features: Mapping[str, Array]) -> Array:
     operator, *rest = graph.nodes[node]
     if operator == "const":
         return np.asarray(rest[0])
@@ -129,6 +135,7 @@ class _Scheduler:
             graph=self.graph,
             inputs=tuple(inputs),
             outputs=np.array(outputs if self.has_offset else [-1, *outputs], np.int32),
+            roots=tuple(self.roots),
             persistent=persistent,
             temporaries=temporaries,
         )

@@ -123,7 +123,7 @@ def fit(
     """
     settings = settings or FitSettings()
     problem = _prepared(expression, cells, bounds)
-    starts = _starts(expression, problem.low, problem.high, settings.starts)
+    starts = _starts(expression, problem.box, settings.starts)
     warm = np.empty((0, problem.searched)) if near is None else problem.coordinates(near)
     limits = (metric.squares(factor * bar, len(cells.weights)) for factor in (HOPELESS, POOR))
     found = problem.fit(starts, warm, settings.descent(problem.searched, *limits))
@@ -191,8 +191,9 @@ def _standard_error(squares: NDArray, draws: NDArray, error: float) -> float:
     return 0.5 * error * np.sqrt(max(spread, 0.0) * count / (count - 1)) / total
 
 
-def _starts(expression: Expression, low: Array, high: Array, count: int) -> Array:
-    """Start coordinates (count, d), an additive recurrence with a random offset seeded by the expression."""
+def _starts(expression: Expression, box: Array, count: int) -> Array:
+    """Start coordinates (count, d) in a box (2, d): an additive recurrence, its offset seeded by the expression."""
+    low, high = box
     d = len(low)
     if d == 0:
         return np.zeros((1, 0))

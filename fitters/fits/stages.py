@@ -14,10 +14,8 @@ from fitters.fits.checks import Checks, check
 from fitters.fits.exact import exact_errors
 from fitters.fits.fit import Bounds, Columns, Fit, FitSettings, fit, refit
 from fitters.fits.metrics import METRICS
+from fitters.fits.polish import polish
 from fitters.fits.problem import FitProblem
-
-POLISH_EVALUATIONS = 8
-"""Per searched parameter, of the last descent on all cells: from a fit on the fine sample it is a short way."""
 
 
 @dataclass(frozen=True)
@@ -113,15 +111,7 @@ def describe(problem: FitProblem, task: DescriptionJob) -> Description:
     """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
     job = task.job
     expression = parse(job.expressions[0])
-    found = refit(
-        expression,
-        problem.full,
-        problem.metric,
-        job.intervals,
-        task.fit.columns,
-        job.settings.thorough(),
-        evaluations=POLISH_EVALUATIONS,
-    )
+    found = polish(expression, problem.full, problem.metric, job.intervals, task.fit)
     exact = exact_errors(expression, problem, found)
     errors = exact.by_metric[problem.metric.name]
     found = replace(found, errors=errors, error=problem.metric.combine(errors))

@@ -1,0 +1,125 @@
+"""The last polish of a fit that is kept: Gauss-Newton over all its parameters, on all cells, in float64.
+
+What Nelder-Mead has found in float32 is near the optimum; from there a few steps of Gauss and Newton, damped after
+Levenberg and Marquardt where they must be, go to the end. Derivatives by linear parameters are what the program
+computes anyway, those by the others are differences.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fitters.engine.coordinates import Coordinates
+from fitters.engine.double import Double
+from fitters.engine.program import lower
+from fitters.expressions import Expression
+from fitters.fits.fit import Bounds, Fit
+from fitters.fits.metrics import Metric
+from fitters.fits.problem import Cells
+from fitters.grid import Array
+
+STEPS = 6
+"""At most, with those that do not lower the error."""
+
+DIFFERENCE = 1e-6
+"""Step of a difference quotient, in the coordinates that a simplex searches."""
+
+ENOUGH = 1e-7
+"""Relative improvement of the sum of squares below which a target is done."""
+
+
+def polish(expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, found: Fit) -> Fit:
+    """The fit with every target's parameters improved on the cells, within the bounds; never worse on them.
+
+    Errors are those of the program in float64. A target without a finite fit stays as it is.
+    """
+    program = lower(expression)
+    engine, coordinates = Double(program, cells.features), Coordinates(program, bounds)
+    values, errors = found.values.copy(), found.errors.copy()
+    for target in range(len(values)):
+        parameters = found.parameters(target)
+        problem = _Target(engine, coordinates, cells.weights[target], cells.targets[target])
+        z, squares = problem.descend(coordinates.of(parameters))
+        if np.isfinite(squares):
+            named = coordinates.parameters(z)
+            values[target] = [named[name] for name in found.names]
+            errors[target] = np.sqrt(squares)
+    return replace(found, values=values, errors=errors, error=metric.combine(errors))
+
+
+class _Target:
+    """One target's sum of squares in coordinates z: those of the searched parameters, then the linear ones."""
+
+    def __init__(
+        self, engine: Double, coordinates: Coordinates, weights: NDArray[np.float32], targets: NDArray[np.float32]
+    ) -> None:
+        self.engine, self.coordinates = engine, coordinates
+        self.weights, self.targets = weights.astype(np.float64), targets.astype(np.float64)
+
+    def descend(self, z: Array) -> tuple[Array, float]:
+        """The best coordinates from z and their sum of squares; infinite where that is not finite."""
+        squares, gram, slope = self.normal_equations(z)
+        damping = 0.0
+        for _ in range(STEPS if len(z) and np.isfinite(squares) else 0):
+            trial = self._stepped(z, gram, slope, damping)
+            found, trial_gram, trial_slope = self.normal_equations(trial)
+            if not found < squares:
+                damping = max(10.0 * damping, 1e-3)
+                continue
+            done = squares - found <= ENOUGH * squares
+            z, squares, gram, slope, damping = trial, found, trial_gram, trial_slope, 0.1 * damping
+            if done:
+                break
+        return z, squares if np.isfinite(squares) else np.inf
+
+    def _stepped(self, z: Array, gram: Array, slope: Array, damping: float) -> Array:
+        """z after one damped step; coordinates that would leave the box are held at its sides."""
+        low, high = self.coordinates.box
+        free = np.ones(len(z), bool)
+        trial = z.copy()
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        matrix = gram / np.outer(scale, scale) + damping * np.eye(len(z))
+        for _ in range(len(z)):
+            step = np.zeros(len(z))
+            # Of parameters that do the same, the least-squares solution moves both a little.
+            rows = np.ix_(free, free)
+            step[free] = -np.linalg.lstsq(matrix[rows], slope[free] / scale[free], rcond=1e-12)[0] / scale[free]
+            trial = np.clip(z + step, low, high)
+            leaves = free & (trial != z + step) & ((z <= low) | (z >= high))
+            if not leaves.any():
+                break
+            free &= ~leaves
+        return trial
+
+    def normal_equations(self, z: Array) -> tuple[float, Array, Array]:
+        """Sum of squares r r, J^T J and J^T r at z; not finite where the formula is not."""
+        searched = self.coordinates.searched
+        points = [z, *(self._moved(z, i) for i in range(searched))]
+        scalars = [self.engine.scalars(self.coordinates.parameters(point)) for point in points]
+        steps = np.array([points[1 + i][i] - z[i] for i in range(searched)])
+        c = z[searched:]
+        squares, gram, slope = 0.0, np.zeros((len(z), len(z))), np.zeros(len(z))
+        with np.errstate(all="ignore"):
+            for block in self.engine.blocks:
+                weights = self.weights[block]
+                offset, columns = self.engine.outputs(scalars[0], block)
+                value = offset + c @ columns
+                jacobian = np.empty((len(z), len(value)))
+                for i in range(searched):
+                    moved_offset, moved = self.engine.outputs(scalars[1 + i], block)
+                    jacobian[i] = (moved_offset + c @ moved - value) / steps[i]
+                jacobian[searched:] = columns
+                jacobian *= weights
+                residual = weights * value - self.targets[block]
+                squares += float(residual @ residual)
+                gram += jacobian @ jacobian.T
+                slope += jacobian @ residual
+        finite = np.isfinite(squares) and np.all(np.isfinite(gram)) and np.all(np.isfinite(slope))
+        return (squares if finite else np.inf), gram, slope
+
+    def _moved(self, z: Array, i: int) -> Array:
+        """z with one coordinate a little off, within the box."""
+        moved = z.copy()
+        moved[i] += DIFFERENCE if z[i] + DIFFERENCE <= self.coordinates.box[1, i] else -DIFFERENCE
+        return moved
