@@ -7,8 +7,8 @@ import pytest
 
 from fitters.fits import build_problem
 from fitters.scenes import Scene
-from tests.benchmarks import evaluation, fitting, growth, quality
-from tests.benchmarks.engine import SECTIONS
+from tests.benchmarks import evaluation, fitting, growth, quality, search, stopping
+from tests.benchmarks.engine import SEARCHES, SECTIONS
 from tests.benchmarks.problem import recipe
 
 SMALL = {
@@ -16,18 +16,28 @@ SMALL = {
     "fitting": fitting.Extent(random=1, sample_targets=1, full=("lambert",)),
     "quality": quality.Extent(random=2, scipy=1),
     "growth": growth.Extent(cells=(256, 512), searched=(1, 2), targets=(3, 6), terms=(1, 2), rounds=1),
+    "stopping": stopping.Extent(generations=3, islands=1, size=8),
+    "search": search.Extent(generations=3, islands=2, size=8, processes=1),
 }
 
 
 @pytest.fixture(scope="module")
-def problem():
+def small_recipe():
     small = replace(recipe(None), scene=Scene(resolution=8, light_rows=8), sample_cells=256, fine_cells=512)
-    return build_problem(replace(small, materials=small.materials[:1]))
+    return replace(small, materials=small.materials[:1])
+
+
+@pytest.fixture(scope="module")
+def problem(small_recipe):
+    return build_problem(small_recipe)
 
 
 @pytest.mark.parametrize("section", SMALL)
-def test_a_section_prints_tables_of_finite_positive_numbers(section, problem):
-    tables = list(SECTIONS[section](problem, SMALL[section]))
+def test_a_section_prints_tables_of_finite_positive_numbers(section, problem, small_recipe):
+    if section in SECTIONS:
+        tables = list(SECTIONS[section](problem, SMALL[section]))
+    else:
+        tables = list(SEARCHES[section](small_recipe, SMALL[section]))
     assert tables
     for table in tables:
         lines = table.text().splitlines()
@@ -41,4 +51,4 @@ def test_a_section_prints_tables_of_finite_positive_numbers(section, problem):
 
 
 def test_every_section_is_tested():
-    assert set(SECTIONS) == set(SMALL)
+    assert {*SECTIONS, *SEARCHES} == set(SMALL)

@@ -192,7 +192,7 @@ def _standard_error(squares: NDArray, draws: NDArray, error: float) -> float:
 
 
 def _starts(expression: Expression, box: Array, count: int) -> Array:
-    """Start coordinates (count, d) in a box (2, d): an additive recurrence, its offset seeded by the expression."""
+    """Start coordinates (count, d) in a box (2, d): an even sequence, its offset seeded by the expression."""
     low, high = box
     d = len(low)
     if d == 0:

@@ -175,7 +175,7 @@ class Search:
         """
         if not self.plan.early_stopping or self.generation == 0:
             return math.inf
-        return max(self._median, self.front.bar(nodes))
+        return max(self.median, self.front.bar(nodes))
 
     def _screen(self, unknown: Sequence[Entrant]) -> bool:
         """Fits what is new on the small sample; False where time ran out on the way."""
@@ -241,7 +241,7 @@ class Search:
             {expression: known[expression] for expression in sorted(population)},
             lambda keys: self.store.parameters(keys, targets),
         )
-        self._median = max((island.median for island in self.islands if island.population), default=math.inf)
+        self.median = max((island.median for island in self.islands if island.population), default=math.inf)
 
     def _run(self, function: Callable[[Any, P], R], payloads: Sequence[P], label: str) -> Iterator[tuple[int, R]]:
         """Runs tasks and tells the watcher of every result."""

@@ -9,8 +9,8 @@ from pathlib import Path
 import click
 
 from fitters.engine.warm import warm_up
-from fitters.fits import FitProblem, build_problem
-from tests.benchmarks import evaluation, fitting, growth, quality
+from fitters.fits import FitProblem, ProblemRecipe, build_problem
+from tests.benchmarks import evaluation, fitting, growth, quality, search, stopping
 from tests.benchmarks.problem import data_folder, recipe
 from tests.benchmarks.table import Table
 
@@ -20,10 +20,17 @@ SECTIONS: dict[str, Callable[[FitProblem], Iterable[Table]]] = {
     "quality": quality.tables,
     "growth": growth.tables,
 }
+"""What is measured on a fit problem."""
+
+SEARCHES: dict[str, Callable[[ProblemRecipe], Iterable[Table]]] = {
+    "stopping": stopping.tables,
+    "search": search.tables,
+}
+"""What takes a whole search."""
 
 
 @click.command()
-@click.argument("sections", nargs=-1, type=click.Choice(list(SECTIONS)))
+@click.argument("sections", nargs=-1, type=click.Choice([*SECTIONS, *SEARCHES]))
 @click.option(
     "--data",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -39,9 +46,9 @@ def main(sections: tuple[str, ...], data: Path | None) -> None:
         f"{', '.join(problem.materials)}: {len(problem.targets)} targets, {len(problem.full):,} lit cells, "
         f"{len(problem.fine):,} in the fine sample, {len(problem.sample):,} in the sample"
     )
-    for name in sections or SECTIONS:
+    for name in sections or (*SECTIONS, *SEARCHES):
         started = time.perf_counter()
-        for table in SECTIONS[name](problem):
+        for table in SECTIONS[name](problem) if name in SECTIONS else SEARCHES[name](recipe(data)):
             click.echo(f"\n{table.text()}")
         click.echo(f"\n{name}: {time.perf_counter() - started:.0f} s")
 

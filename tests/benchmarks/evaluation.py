@@ -80,15 +80,15 @@ def numpy_objective(expression: Expression, parameters: Mapping[str, float], cel
     return evaluate
 
 
-def _engine(candidate: Candidate, parameters: Mapping[str, float], cells: Cells) -> Callable[[], int]:
+def _engine(candidate: Candidate, parameters: Mapping[str, float], cells: Cells) -> Callable[[], object]:
     """`EVALUATIONS` evaluations of the first target, as a table of starts that no descent follows."""
     prepared = Prepared(
         candidate.expression, cells.features, cells.weights[:1], cells.targets[:1], candidate.bounds
     )
     at = prepared.coordinates({name: np.array([value]) for name, value in parameters.items()})
-    starts, value = np.repeat(at, EVALUATIONS, axis=0), np.empty(1)
-    descent = Descent(restarts=0, rounds=0, step=0.5, limit=0, tolerance=0.0)
-    return lambda: prepared.fit(starts, descent, at, value)
+    starts, near = np.repeat(at, EVALUATIONS, axis=0), np.empty((0, at.shape[1]))
+    descent = Descent(restarts=0, rounds=0, step=0.5, limit=0, tolerance=0.0, hopeless=np.inf, poor=np.inf)
+    return lambda: prepared.fit(starts, near, descent)
 
 
 def _rival(

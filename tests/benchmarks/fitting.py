@@ -9,8 +9,8 @@ from typing import TypeVar
 import numpy as np
 
 from fitters.fits import Fit, FitProblem, FitSettings, fit, refit
+from fitters.fits.polish import polish
 from fitters.fits.problem import Cells
-from fitters.fits.stages import POLISH_EVALUATIONS
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import EVALUATIONS, PlainFit
 from tests.benchmarks.problem import SEED
@@ -105,10 +105,11 @@ def _on_sample(problem: FitProblem, candidate: Candidate) -> Fit:
 
 
 def _on_all(problem: FitProblem, candidate: Candidate) -> Fit:
-    """On the fine sample, then by a short descent on all cells."""
+    """On the fine sample, then by the last polish on all cells."""
     expression, metric, bounds = candidate.expression, problem.metric, candidate.bounds
     near = fit(expression, problem.fine, metric, bounds)
-    return refit(expression, problem.full, metric, bounds, near, FitSettings(), evaluations=POLISH_EVALUATIONS)
+    near = refit(expression, problem.full, metric, bounds, near.columns, FitSettings(), evaluations=0)
+    return polish(expression, problem.full, metric, bounds, near)
 
 
 def _timed(work: Callable[[], Result]) -> tuple[float, Result]:

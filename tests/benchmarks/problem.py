@@ -40,4 +40,4 @@ def draw(cells: Cells, count: int) -> Cells:
     """`count` cells, all with the same chance; where there are fewer, all of them again and again."""
     n, coarse = len(cells), count // COARSE
     chosen = np.resize(np.random.default_rng(SEED).permutation(n), count)
-    return cells.take(chosen, np.full(count, n / count), np.full(coarse, n / coarse))
+    return cells.take(chosen, np.ones(count, int), np.full(count, n / count), np.full(coarse, n / coarse))

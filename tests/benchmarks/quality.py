@@ -92,7 +92,7 @@ def _best_known(problem: FitProblem, candidate: Candidate, starts: int) -> Array
     """Errors (targets,) that are reached with much more work."""
     on_all = replace(problem.sample, coarse=None)
     near = fit(candidate.expression, problem.sample, problem.metric, candidate.bounds, WIDE)
-    wide = fit(candidate.expression, on_all, problem.metric, candidate.bounds, WIDE, near)
+    wide = fit(candidate.expression, on_all, problem.metric, candidate.bounds, WIDE, near.columns)
     by_scipy = np.full(len(problem.targets), np.inf)
     rng = np.random.default_rng(SEED)
     for target in range(len(problem.targets)):
