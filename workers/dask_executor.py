@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -57,7 +57,7 @@ class DaskExecutor:
             raise WorkersError(f"lost the connection to {self.description}: {error}") from error
 
     def run(
-        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Sequence[P], *, label: str
+        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Iterable[P], *, label: str
     ) -> Iterator[tuple[int, R]]:
         """See `Executor.run`."""
         name = f"{key_prefix(label)}-{uuid4().hex}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
@@ -26,13 +26,14 @@ class Executor(Protocol):
         """How many tasks run at once now, at least 1."""
 
     def run(
-        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Sequence[P], *, label: str
+        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Iterable[P], *, label: str
     ) -> Iterator[tuple[int, R]]:
         """Yields (index, function(context, payload)) as they complete, each index once.
 
-        `context` is what `recipe` builds in the process that runs the task. Work starts with the first
-        `next`; closing the iterator gives up what is outstanding. `label` names the work in messages and
-        on the dashboard. Raises `WorkersError` where the function raises or the work cannot go on.
+        `context` is what `recipe` builds in the process that runs the task. Work starts with the first `next`, on
+        a cluster while `payloads` is still being drawn from; closing the iterator gives up what is outstanding.
+        `label` names the work in messages and on the dashboard. Raises `WorkersError` where the function raises
+        or the work cannot go on.
         """
 
     def close(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from workers.context import Recipe, context_of
@@ -19,7 +19,7 @@ class LocalExecutor:
     processes = 1
 
     def run(
-        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Sequence[P], *, label: str
+        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Iterable[P], *, label: str
     ) -> Iterator[tuple[int, R]]:
         """See `Executor.run`; the indices come in order."""
         for index, payload in enumerate(payloads):

@@ -7,12 +7,14 @@ collected per generation before anything is decided.
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import astuple, dataclass
+from itertools import islice
 from typing import Any, Protocol, TypeVar
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import Canonical, canonical
-from fitters.fits import Candidate, DescriptionJob, confirm, describe, screen
+from fitters.fits import Candidate, DescriptionJob, ScreenJob, confirm, describe, screen
 from fitters.fits.problem import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
 from gpsearch.front import Front, Generation, Member, Screened, Store
@@ -129,12 +131,13 @@ class Search:
     def _one_generation(self) -> bool:
         """Breeds, fits, selects and stores one generation; False where time ran out before it was whole."""
         clock = _Stages(self.seconds)
-        broods = [advance(island, self.plan.breeding, self.plan.seed) for island in self.islands]
-        # The first generation judges the starts as they are, too.
-        found = entrants(self.islands, broods, self.plan.breeding.starts if self.generation == 0 else ())
-        unknown = [e for key, e in found.items() if not self.memory.knows(key, self._bar(e.nodes))]
-        clock.ends("breeding", self.seconds)
-        if not self._screen(unknown):
+        broods: list[tuple[Offspring, ...]] = []
+        self.watcher.stage(f"generation {self.generation + 1}", self.plan.breeding.size * len(self.islands))
+        if not self._screen(self._bred(broods, clock)):
+            return False
+        found = entrants(self.islands, broods, self._starts())
+        # The smallest expression of a canonical form may not be the first, and face a higher bar.
+        if not self._screen(e for key, e in found.items() if not self.memory.knows(key, self._bar(e.nodes))):
             return False
         clock.ends("screening", self.seconds)
         fitted = [self.memory.known[key] for key in found if key not in self.memory.seen]
@@ -177,21 +180,50 @@ class Search:
             return math.inf
         return max(self.median, self.front.bar(nodes))
 
-    def _screen(self, unknown: Sequence[Entrant]) -> bool:
+    def _starts(self) -> tuple[str, ...]:
+        """The first generation judges the starts as they are, too."""
+        return self.plan.breeding.starts if self.generation == 0 else ()
+
+    def _bred(self, broods: list[tuple[Offspring, ...]], clock: "_Stages") -> Iterator[Entrant]:
+        """Breeds island by island into `broods`; yields what must be fitted, while workers fit the first of it."""
+        asked: set[str] = set()
+        for entrant in map(Entrant.of_start, self._starts()):
+            asked.add(entrant.canonical.text)
+            if not self.memory.knows(entrant.canonical.text, math.inf):
+                yield entrant
+        for island in self.islands:
+            with clock.within("breeding"):
+                broods.append(advance(island, self.plan.breeding, self.plan.seed))
+            for entrant in (Entrant.of(child, island) for child in broods[-1]):
+                key = entrant.canonical.text
+                if key in asked or self.memory.knows(key, self._bar(entrant.nodes)):
+                    self.watcher.step(1)
+                else:
+                    asked.add(key)
+                    yield entrant
+
+    def _screen(self, unknown: Iterable[Entrant]) -> bool:
         """Fits what is new on the small sample; False where time ran out on the way."""
-        size = max(1, min(int(TASK_SECONDS / self.seconds_per_candidate), len(unknown) // self.executor.processes))
-        batches = [unknown[i : i + size] for i in range(0, len(unknown), size)]
-        self.watcher.stage(f"generation {self.generation + 1}", len(unknown))
+        share = self.plan.breeding.size * len(self.islands) // self.executor.processes
+        size = max(1, min(int(TASK_SECONDS / self.seconds_per_candidate), share))
+        batches = _Batches(unknown, size)
+        jobs: list[ScreenJob] = []
+
+        def ask() -> Iterator[ScreenJob]:
+            for batch in batches:
+                jobs.append(self.plan.screening(*map(self._candidate, batch)))
+                yield jobs[-1]
+
         began, done = time.monotonic(), 0
-        jobs = [self.plan.screening(*map(self._candidate, batch)) for batch in batches]
-        for i, fits in self._run(screen, jobs, f"fit-generation{self.generation + 1}"):
-            for entrant, candidate, fit in zip(batches[i], jobs[i].candidates, fits, strict=True):
-                self.memory.learn(entrant.canonical.text, fit, candidate.bar)
-            done += len(fits)
-            if self._late() and done < len(unknown):
+        for i, fits in self._run(screen, ask(), f"fit-generation{self.generation + 1}"):
+            for candidate, fit in zip(jobs[i].candidates, fits, strict=True):
+                self.memory.learn(candidate.expression, fit, candidate.bar)
+            done += 1
+            if self._late() and not (batches.exhausted and done == len(jobs)):
                 return False
         if done:
-            self.seconds_per_candidate = (time.monotonic() - began) * self.executor.processes / done
+            fitted = sum(len(job.candidates) for job in jobs)
+            self.seconds_per_candidate = (time.monotonic() - began) * self.executor.processes / fitted
         return True
 
     def _candidate(self, entrant: Entrant) -> Candidate:
@@ -243,7 +275,7 @@ class Search:
         )
         self.median = max((island.median for island in self.islands if island.population), default=math.inf)
 
-    def _run(self, function: Callable[[Any, P], R], payloads: Sequence[P], label: str) -> Iterator[tuple[int, R]]:
+    def _run(self, function: Callable[[Any, P], R], payloads: Iterable[P], label: str) -> Iterator[tuple[int, R]]:
         """Runs tasks and tells the watcher of every result."""
         for i, result in self.executor.run(function, self.plan.recipe, payloads, label=label):
             self.watcher.step(len(result) if isinstance(result, list) else 1)
@@ -257,6 +289,31 @@ class _Stages:
         self.began = self._last = now
         self.seconds: dict[str, float] = {}
 
+    @contextmanager
+    def within(self, stage: str) -> Iterator[None]:
+        """What is spent inside counts for a stage of its own."""
+        began = time.monotonic()
+        yield
+        spent = time.monotonic() - began
+        self.seconds[stage] = self.seconds.get(stage, 0.0) + spent
+        self._last += spent
+
     def ends(self, stage: str, now: float) -> None:
         self.seconds[stage] = now - self._last
         self._last = now
+
+
+class _Batches:
+    """Entrants in lists of a size; `exhausted` as soon as the last is handed out."""
+
+    def __init__(self, entrants: Iterable[Entrant], size: int) -> None:
+        self._entrants, self._size = iter(entrants), size
+        self.exhausted = False
+
+    def __iter__(self) -> Iterator[list[Entrant]]:
+        batch = list(islice(self._entrants, self._size))
+        while batch:
+            following = list(islice(self._entrants, self._size))
+            self.exhausted = not following
+            yield batch
+            batch = following

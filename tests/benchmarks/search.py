@@ -74,8 +74,9 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         tuple(rows),
         (
             f"all generations: {sum(seconds):.0f} s; loading by the workers is in the first.",
-            f"{PAPER_GENERATIONS} generations at this pace: {_extrapolated(seconds) / 60:.0f} minutes; the pace is "
-            "the straight line through the generations after the second.",
+            "Workers fit while others are bred.",
+            f"{PAPER_GENERATIONS} generations: {_extrapolated(seconds) / 60:.0f} minutes, by a straight line "
+            "through those after the second.",
             f"front: {members} members. Up to the last stored generation the run took {total:.0f} s.",
         ),
     )

@@ -86,18 +86,31 @@ def test_a_larger_budget_goes_on_as_if_it_had_been_given_at_once(tmp_path, unint
     assert without_times(front_json(store, small(tmp_path))) == uninterrupted[0]
 
 
+class Counting(LocalExecutor):
+    """An executor that counts the candidates that it fits, by label."""
+
+    def __init__(self) -> None:
+        self.fitted: Counter[str] = Counter()
+
+    def run(self, function, recipe, payloads, *, label):
+        self.fitted[label] += 0
+        for index, result in super().run(function, recipe, payloads, label=label):
+            self.fitted[label] += len(result) if isinstance(result, list) else 1
+            yield index, result
+
+
 @pytest.mark.parametrize("event", ["confirming", "stored 2"])
 def test_nothing_that_was_fitted_is_fitted_again(tmp_path, event):
     """What a generation had screened when it was broken off is known to the next session."""
     with pytest.raises(KeyboardInterrupt):
         run_search(tmp_path / "run", small(tmp_path), Watching(stop_at(event, 1)))
-    watcher = Watching()
-    run_search(tmp_path / "run", small(tmp_path, budget={"generations": 3}), watcher)
-    screened = dict(watcher.stages)
+    counting = Counting()
+    run_search(tmp_path / "run", small(tmp_path, budget={"generations": 3}), executor=counting)
     if event == "confirming":
-        assert screened["generation 1"] == 0
+        assert counting.fitted["fit-generation1"] == 0
     else:
-        assert "generation 2" not in screened
+        assert "fit-generation2" not in counting.fitted
+    assert counting.fitted["fit-generation3"] > 0
 
 
 def test_another_seed_gives_another_front(tmp_path, uninterrupted):
