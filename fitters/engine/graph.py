@@ -48,20 +48,25 @@ class Graph:
 
     def emit(self, operator: str, *children: int) -> int:
         """The node of an operation: folded where it is constant, simplified where that keeps every value."""
-        values = [self.value(child) for child in children]
-        known = [value for value in values if value is not None]
-        if len(known) == len(children):
-            with np.errstate(all="ignore"):
-                return self.const(float(APPLY[operator](*(np.float64(value) for value in known))))
+        classes = self.classes
+        kinds = {classes[child] for child in children}
+        values: tuple[float | None, float | None] = (None, None)
+        if CONSTANT in kinds:
+            values = self.value(children[0]), self.value(children[-1])
+            if len(kinds) == 1:
+                with np.errstate(all="ignore"):
+                    return self.const(float(APPLY[operator](*map(np.float64, values[: len(children)]))))
         simpler = self._simpler(operator, children, values)
         if simpler is not None:
             return simpler
-        if operator in _COMMUTATIVE:
-            children = tuple(sorted(children))
-        classes = {self.classes[child] for child in children} - {CONSTANT}
-        return self._add((operator, *children), classes.pop() if len(classes) == 1 else MIXED)
+        if operator in _COMMUTATIVE and children[0] > children[1]:
+            children = children[::-1]
+        kinds.discard(CONSTANT)
+        return self._add((operator, *children), kinds.pop() if len(kinds) == 1 else MIXED)
 
-    def _simpler(self, operator: str, children: tuple[int, ...], values: list[float | None]) -> int | None:
+    def _simpler(
+        self, operator: str, children: tuple[int, ...], values: tuple[float | None, float | None]
+    ) -> int | None:
         a, b = children[0], children[-1]
         if operator == "neg" and self.nodes[a][0] == "neg":
             return self.nodes[a][1]

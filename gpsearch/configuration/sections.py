@@ -173,7 +173,7 @@ class FitSection(Section):
 
     cells:          sampled, of the screening fit of every candidate
     confirm_cells:  sampled, of the fit of what may enter the front
-    early_stopping: gives up fits that end far from the population's better half and from the front
+    early_stopping: gives up fits that end far from the population's better third and from the front
     warm_starts:    a fit also tries the parameters of the parent
     """
 

@@ -68,10 +68,10 @@ class Island:
     generation: int = 0
     population: tuple[Individual, ...] = ()
 
-    @property
-    def median(self) -> float:
-        """The error that half of a population, not empty, does not exceed."""
-        return sorted(individual.error for individual in self.population)[(len(self.population) - 1) // 2]
+    def quantile(self, share: float) -> float:
+        """The error that this share of a population, not empty, does not exceed."""
+        errors = sorted(individual.error for individual in self.population)
+        return errors[int(share * (len(errors) - 1))]
 
 
 def advance(island: Island, breeding: Breeding, run_seed: int) -> tuple[Offspring, ...]:

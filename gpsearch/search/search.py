@@ -29,6 +29,9 @@ R = TypeVar("R")
 TASK_SECONDS = 0.5
 """Candidates are batched into tasks of about so long: a scheduler handles a few hundred tasks a second."""
 
+PARENTS = 1 / 3
+"""The share of a population that matters: of a tournament of eight, the winner is in it 96 times of 100."""
+
 
 @dataclass(frozen=True)
 class Standing:
@@ -173,12 +176,12 @@ class Search:
     def _bar(self, nodes: int) -> float:
         """The error that a candidate of this size must come near, or its fit is given up.
 
-        The median of the island where that is worst, since tournaments take little from below it, or what would
-        enter the front, if that is more. Infinite while there is no population, or for a run without the rule.
+        What the better third of an island reaches, where that is worst, or what would enter the front, if that is
+        more. Infinite while there is no population, or for a run without the rule.
         """
         if not self.plan.early_stopping or self.generation == 0:
             return math.inf
-        return max(self.median, self.front.bar(nodes))
+        return max(self.better_third, self.front.bar(nodes))
 
     def _starts(self) -> tuple[str, ...]:
         """The first generation judges the starts as they are, too."""
@@ -273,7 +276,8 @@ class Search:
             {expression: known[expression] for expression in sorted(population)},
             lambda keys: self.store.parameters(keys, targets),
         )
-        self.median = max((island.median for island in self.islands if island.population), default=math.inf)
+        populated = (island for island in self.islands if island.population)
+        self.better_third = max((island.quantile(PARENTS) for island in populated), default=math.inf)
 
     def _run(self, function: Callable[[Any, P], R], payloads: Iterable[P], label: str) -> Iterator[tuple[int, R]]:
         """Runs tasks and tells the watcher of every result."""

@@ -35,7 +35,7 @@ class Recorded(Search):
 
     def _candidate(self, entrant: Entrant) -> Candidate:
         candidate = super()._candidate(entrant)
-        bar = max(self.median, self.front.bar(entrant.nodes)) if self.generation else math.inf
+        bar = max(self.better_third, self.front.bar(entrant.nodes)) if self.generation else math.inf
         self.candidates_seen[candidate.expression] = replace(candidate, bar=bar)
         return candidate
 
