@@ -8,6 +8,7 @@ from fitters.fits.recipe import ProblemRecipe, build_problem
 from fitters.fits.stages import (
     Candidate,
     Confirmed,
+    ConfirmJob,
     Description,
     DescriptionJob,
     FitJob,
@@ -20,6 +21,7 @@ from fitters.fits.stages import (
 __all__ = [
     "METRICS",
     "Candidate",
+    "ConfirmJob",
     "Confirmed",
     "Description",
     "DescriptionJob",

@@ -130,10 +130,7 @@ def fit(
     if not found.carried_through:
         return _stated(problem, metric, found)
     found = problem.polish(settings.descent(problem.searched), found)
-    fitted = _stated(problem, metric, found)
-    if cells.draws is None or not np.isfinite(fitted.error):
-        return fitted
-    return replace(fitted, standard_error=_standard_error(problem.squares(found), cells.draws, fitted.error))
+    return _sampled(problem, cells, found, _stated(problem, metric, found))
 
 
 def refit(
@@ -152,7 +149,8 @@ def refit(
     """
     problem = _prepared(expression, cells, bounds)
     descent = replace(settings, evaluations=evaluations).descent(problem.searched)
-    return _stated(problem, metric, problem.polish(descent, problem.optima(problem.coordinates(near))))
+    found = problem.polish(descent, problem.optima(problem.coordinates(near)))
+    return _sampled(problem, cells, found, _stated(problem, metric, found))
 
 
 def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
@@ -178,17 +176,28 @@ def _stated(problem: Prepared, metric: Metric, found: Optima) -> Fit:
     )
 
 
-def _standard_error(squares: NDArray, draws: NDArray, error: float) -> float:
-    """Of an error whose square is a sum over sampled cells (n,), each drawn `draws` (n,) times.
+def _sampled(problem: Prepared, cells: Cells, found: Optima, fitted: Fit) -> Fit:
+    """The fit with its standard error, where the cells are a sample."""
+    if cells.draws is None or not np.isfinite(fitted.error):
+        return fitted
+    return replace(fitted, standard_error=_standard_error(problem.squares(found), cells, fitted.error))
 
-    A draw adds its part of the sum; their spread over draws is that of the sum, by the delta method of its root.
-    That a sample is systematic makes this an upper estimate.
+
+def _standard_error(squares: Array, cells: Cells, error: float) -> float:
+    """Of an error whose square is the sum of `squares` (n,) over sampled cells.
+
+    A draw adds its part of the sum. The sample is systematic, so what counts is how much neighbouring draws differ,
+    not how much all of them do (Wolter 2007, section 8.2); the root goes by the delta method.
     """
-    total, count = float(squares.sum()), float(draws.sum())
+    assert cells.draws is not None
+    order = np.argsort(cells.index)
+    draws = cells.draws[order]
+    parts = np.repeat(squares[order] / draws, draws)
+    total, count = float(parts.sum()), len(parts)
     if total == 0.0 or count < 2:
         return 0.0
-    spread = float(np.sum(squares**2 / draws)) - total**2 / count
-    return 0.5 * error * np.sqrt(max(spread, 0.0) * count / (count - 1)) / total
+    variance = 0.5 * count / (count - 1) * float(np.sum(np.diff(parts) ** 2))
+    return 0.5 * error * np.sqrt(variance) / total
 
 
 def _starts(expression: Expression, box: Array, count: int) -> Array:

@@ -19,7 +19,7 @@ from fitters.fits.metrics import Metric
 from fitters.fits.problem import Cells
 from fitters.grid import Array
 
-STEPS = 6
+STEPS = 20
 """At most, with those that do not lower the error."""
 
 DIFFERENCE = 1e-6
@@ -65,32 +65,31 @@ class _Target:
             trial = self._stepped(z, gram, slope, damping)
             found, trial_gram, trial_slope = self.normal_equations(trial)
             if not found < squares:
-                damping = max(10.0 * damping, 1e-3)
+                damping = max(4.0 * damping, 1e-3)
                 continue
             done = squares - found <= ENOUGH * squares
-            z, squares, gram, slope, damping = trial, found, trial_gram, trial_slope, 0.1 * damping
+            z, squares, gram, slope, damping = trial, found, trial_gram, trial_slope, damping / 3
             if done:
                 break
         return z, squares if np.isfinite(squares) else np.inf
 
     def _stepped(self, z: Array, gram: Array, slope: Array, damping: float) -> Array:
-        """z after one damped step; coordinates that would leave the box are held at its sides."""
+        """z after one damped step: what would leave the box stops at its side, and the rest allows for that."""
         low, high = self.coordinates.box
-        free = np.ones(len(z), bool)
-        trial = z.copy()
         scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
         matrix = gram / np.outer(scale, scale) + damping * np.eye(len(z))
-        for _ in range(len(z)):
-            step = np.zeros(len(z))
+        right, step, free = -slope / scale, np.zeros(len(z)), np.ones(len(z), bool)
+        while free.any():
+            rest = right[free] - matrix[np.ix_(free, ~free)] @ step[~free]
             # Of parameters that do the same, the least-squares solution moves both a little.
-            rows = np.ix_(free, free)
-            step[free] = -np.linalg.lstsq(matrix[rows], slope[free] / scale[free], rcond=1e-12)[0] / scale[free]
-            trial = np.clip(z + step, low, high)
-            leaves = free & (trial != z + step) & ((z <= low) | (z >= high))
+            step[free] = np.linalg.lstsq(matrix[np.ix_(free, free)], rest, rcond=1e-12)[0]
+            wanted = z + step / scale
+            leaves = free & ((wanted < low) | (wanted > high))
             if not leaves.any():
                 break
+            step[leaves] = ((np.clip(wanted, low, high) - z) * scale)[leaves]
             free &= ~leaves
-        return trial
+        return np.clip(z + step / scale, low, high)
 
     def normal_equations(self, z: Array) -> tuple[float, Array, Array]:
         """Sum of squares r r, J^T J and J^T r at z; not finite where the formula is not."""

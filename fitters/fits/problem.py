@@ -189,17 +189,19 @@ def sample(cells: Cells, count: int, seed: int) -> Cells:
     }
     probability = sum((share * drawn_by[name] for name, share in SHARES.items()), np.zeros(n))
     cumulative = np.cumsum(probability)
-    offset = np.random.default_rng(seed).random()
+    rng = np.random.default_rng(seed)
+    offset = rng.random()
     points = (np.arange(count) + offset) / count * cumulative[-1]
     drawn = np.minimum(np.searchsorted(cumulative, points), n - 1)
-    # Every so many-th draw is a sample of its own; its cells come first.
-    coarse, coarse_times = np.unique(drawn[::COARSE], return_counts=True)
+    # Every so many-th draw, from a random one, is a sample of its own; its cells come first.
+    coarse_drawn = drawn[min(int(rng.integers(COARSE)), count - 1) :: COARSE]
+    coarse, coarse_times = np.unique(coarse_drawn, return_counts=True)
     cells_drawn, times = np.unique(drawn, return_counts=True)
     first = np.isin(cells_drawn, coarse)
     order = np.concatenate([np.flatnonzero(first), np.flatnonzero(~first)])
     chosen = cells_drawn[order]
     expected = count * probability[chosen]
-    coarse_expected = len(drawn[::COARSE]) * probability[coarse]
+    coarse_expected = len(coarse_drawn) * probability[coarse]
     return cells.take(chosen, times[order], times[order] / expected, coarse_times / coarse_expected)
 
 

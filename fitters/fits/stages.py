@@ -17,6 +17,9 @@ from fitters.fits.metrics import METRICS
 from fitters.fits.polish import polish
 from fitters.fits.problem import FitProblem
 
+PROBE_EVALUATIONS = 10
+"""Per searched parameter, of the descent that decides whether a candidate is fitted thoroughly."""
+
 
 @dataclass(frozen=True)
 class FitJob:
@@ -49,6 +52,18 @@ class ScreenJob:
     settings: FitSettings
 
 
+@dataclass(frozen=True, eq=False)
+class ConfirmJob:
+    """A job of one expression to fit on all cells, its parameters if it was screened, and what it must beat.
+
+    What clearly does not reach `bar`, an error on all cells, is not fitted thoroughly.
+    """
+
+    job: FitJob
+    near: Columns | None = None
+    bar: float = math.inf
+
+
 @dataclass(frozen=True)
 class DescriptionJob:
     """A confirmed fit to describe, and the job, of this one expression, that found it."""
@@ -59,10 +74,9 @@ class DescriptionJob:
 
 @dataclass(frozen=True)
 class Confirmed:
-    """A fit on all cells, beside the error of the same expression on the small sample."""
+    """A fit on all cells, or on the fine sample where that has shown that it does not reach its bar."""
 
     fit: Fit
-    screened: float
     seconds: float
 
 
@@ -93,18 +107,20 @@ def screen(problem: FitProblem, job: ScreenJob) -> list[Fit]:
     ]
 
 
-def confirm(problem: FitProblem, job: FitJob) -> list[Confirmed]:
-    """The fits of a job's expressions: screened, fitted thoroughly on the fine sample, judged on all cells."""
-    return [_confirm(problem, text, job) for text in job.expressions]
+def confirm(problem: FitProblem, task: ConfirmJob) -> Confirmed:
+    """The fit of an expression that may be kept: thoroughly on the fine sample, judged on all cells.
 
-
-def _confirm(problem: FitProblem, text: str, job: FitJob) -> Confirmed:
+    First a short descent on the fine sample tells whether that is worth the work.
+    """
     started = time.perf_counter()
-    expression, metric, bounds, settings = parse(text), problem.metric, job.intervals, job.settings.thorough()
-    screened = fit(expression, problem.sample, metric, bounds, job.settings)
-    found = fit(expression, problem.fine, metric, bounds, settings, near=screened.columns)
-    found = refit(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
-    return Confirmed(found, screened.error, time.perf_counter() - started)
+    bounds, settings, metric = task.job.intervals, task.job.settings, problem.metric
+    expression = parse(task.job.expressions[0])
+    near = task.near or fit(expression, problem.sample, metric, bounds, settings).columns
+    found = refit(expression, problem.fine, metric, bounds, near, settings, evaluations=PROBE_EVALUATIONS)
+    if found.error - found.standard_error <= task.bar:
+        found = fit(expression, problem.fine, metric, bounds, settings.thorough(), near=found.columns)
+        found = refit(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
+    return Confirmed(found, time.perf_counter() - started)
 
 
 def describe(problem: FitProblem, task: DescriptionJob) -> Description:

@@ -8,6 +8,7 @@ from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
 from fitters.fits import (
     METRICS,
+    ConfirmJob,
     DescriptionJob,
     FitJob,
     FitSettings,
@@ -43,7 +44,7 @@ def fit(model: str, materials: tuple[str, ...], light: str, metric: str, as_json
     text, bounds = _model(model)
     problem = build_problem(recipe)
     job = FitJob((text,), bounds, FitSettings())
-    confirmed = confirm(problem, job)[0]
+    confirmed = confirm(problem, ConfirmJob(job))
     description = describe(problem, DescriptionJob(job, confirmed.fit))
     found, names = description.fit, problem.materials
     report = {

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from fitters.engine.warm import warm_up
 from gpsearch.commands.estimate import estimate
-from gpsearch.commands.progress import ProgressWatcher, duration
+from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.runs import write_text
 from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
 from gpsearch.errors import GpsearchError
@@ -111,6 +111,9 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
         f"done ({reason}): {run['generations']} generations, {run['candidates']:,} candidates,"
         f" {duration(run['seconds'])}"
     )
+    _, candidates, fitted = store.totals()
+    given_up = sum(generation.given_up for generation in store.generations())
+    console.print(f"fits: {work(candidates, fitted, given_up)}", highlight=False)
     front = exported["front"]
     rows = [(m["nodes"], m["error"], m["expression"]) for m in front[-SUMMARY_ROWS:]]
     rows += [

@@ -53,6 +53,10 @@ class Front:
                 kept.append(member)
         return Front(tuple(kept))
 
+    def error(self, nodes: int) -> float:
+        """What an expression of this size must stay below to enter."""
+        return min((m.error for m in self.members if m.nodes <= nodes), default=float("inf"))
+
     def bar(self, nodes: int) -> float:
         """What an expression of this size must stay below on the small sample to be worth a confirmation.
 

@@ -1,5 +1,8 @@
 """JSON forms of what a store holds. Python writes floats so that they read back to the last bit, infinity too."""
 
+import json
+from collections.abc import Iterable
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -9,11 +12,27 @@ from fitters.fits.checks import Checks
 from gpsearch.evolution.island import Individual
 from gpsearch.front.front import Member
 from gpsearch.genomes import Genome
+from gpsearch.genomes.edits import Edit
+from gpsearch.genomes.genome import edit_json
 
 
-def individual_json(individual: Individual) -> list[Any]:
+def population_text(population: Iterable[Individual]) -> str:
+    """JSON text of a population. Genomes grow by an edit a generation and share most of them: each is
+    turned into text once.
+    """
+    return f"[{','.join(map(_individual_text, population))}]"
+
+
+def _individual_text(individual: Individual) -> str:
     genome = individual.genome
-    return [genome.start, genome.to_json(), individual.expression, individual.nodes, individual.error]
+    rest = (individual.expression, individual.nodes, individual.error)
+    edits = ",".join(map(_edit_text, genome.edits))
+    return f"[{json.dumps(genome.start)},[{edits}],{','.join(map(json.dumps, rest))}]"
+
+
+@lru_cache(maxsize=1 << 18)
+def _edit_text(edit: Edit) -> str:
+    return json.dumps(edit_json(edit))
 
 
 def read_individual(stored: list[Any]) -> Individual:

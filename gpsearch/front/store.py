@@ -21,8 +21,8 @@ from gpsearch.evolution.island import Island
 from gpsearch.front.front import Front
 from gpsearch.front.records import (
     description_json,
-    individual_json,
     member_json,
+    population_text,
     read_description,
     read_individual,
     read_member,
@@ -169,10 +169,7 @@ class Store:
         )
 
     def save_islands(self, islands: Iterable[Island]) -> None:
-        rows = [
-            (island.number, island.generation, json.dumps(list(map(individual_json, island.population))))
-            for island in islands
-        ]
+        rows = [(island.number, island.generation, population_text(island.population)) for island in islands]
         self._connection.executemany("INSERT OR REPLACE INTO islands VALUES (?, ?, ?)", rows)
 
     # fits

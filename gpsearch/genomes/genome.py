@@ -22,11 +22,15 @@ class Genome:
 
     def to_json(self) -> list[dict[str, Any]]:
         """The edits as plain objects, `{"edit": "swap", ...}`; a node's label is its address."""
-        return [{"edit": type(edit).__name__.lower(), **asdict(edit)} for edit in self.edits]
+        return list(map(edit_json, self.edits))
 
     @classmethod
     def from_json(cls, start: str, edits: list[dict[str, Any]]) -> "Genome":
         return cls(start, tuple(_NAMES[e["edit"]](**{k: v for k, v in e.items() if k != "edit"}) for e in edits))
+
+
+def edit_json(edit: Edit) -> dict[str, Any]:
+    return {"edit": type(edit).__name__.lower(), **asdict(edit)}
 
 
 def draft(genome: Genome) -> Draft:

@@ -40,7 +40,7 @@ class Entrant:
         expression = parse(start)
         return cls(start, expression.nodes, canonical(expression), start, Genome(start), 0, 0)
 
-    def member(self, confirmed: Confirmed) -> Member:
+    def member(self, confirmed: Confirmed, screened: float) -> Member:
         return Member(
             expression=self.expression,
             nodes=self.nodes,
@@ -48,7 +48,7 @@ class Entrant:
             island=self.island,
             generation=self.generation,
             fit=confirmed.fit,
-            screened=confirmed.screened,
+            screened=screened,
         )
 
 

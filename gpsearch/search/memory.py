@@ -78,6 +78,13 @@ class Memory:
         found = load([key for key in keys if key not in self.parameters]) | self.parameters
         self.parameters = {key: found[key] for key in keys if key in found}
 
+    def columns(self, form: Canonical) -> dict[str, NDArray[np.float64]] | None:
+        """The parameters of a known fit, each (targets,), by their own names; None where they are not at hand."""
+        values = self.parameters.get(form.text)
+        if values is None:
+            return None
+        return {own: values[:, grammar.number(name)].astype(np.float64) for own, name in form.names.items()}
+
     def warm_start(self, child: Canonical, parent: str) -> dict[str, NDArray[np.float64]] | None:
         """The parent's parameters, each (targets,), under the names that they have in the child's canonical form.
 

@@ -14,12 +14,12 @@ from typing import Any, Protocol, TypeVar
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import Canonical, canonical
-from fitters.fits import Candidate, DescriptionJob, ScreenJob, confirm, describe, screen
+from fitters.fits import Candidate, ConfirmJob, DescriptionJob, ScreenJob, confirm, describe, screen
 from fitters.fits.problem import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
 from gpsearch.front import Front, Generation, Member, Screened, Store
 from gpsearch.search.entrants import Entrant, entrants
-from gpsearch.search.memory import Known, Memory
+from gpsearch.search.memory import Known, Memory, Parameters
 from gpsearch.search.plan import Plan
 from workers import Executor
 
@@ -102,7 +102,7 @@ class Search:
             return
         jobs = [self.plan.baseline_job(name) for name in names]
         self.watcher.stage("baselines", 2 * len(names))
-        confirmed = {names[i]: found[0] for i, found in self._run(confirm, jobs, "baseline")}
+        confirmed = {names[i]: found for i, found in self._run(confirm, map(ConfirmJob, jobs), "baseline")}
         tasks = [DescriptionJob(job, confirmed[name].fit) for name, job in zip(names, jobs, strict=True)]
         for i, description in self._run(describe, tasks, "describe-baseline"):
             with self.store.transaction():
@@ -256,9 +256,18 @@ class Search:
             if fit.bar == math.inf
         )
         self.watcher.stage("confirming", len(texts))
-        jobs = [self.plan.job(text) for text in texts]
-        confirmed = self._run(confirm, jobs, f"confirm-generation{self.generation + 1}")
-        return [by_text[texts[i]].member(results[0]) for i, results in confirmed]
+        missing = {by_text[text].canonical.text for text in texts} - self.memory.parameters.keys()
+        self.memory.parameters |= self._stored_parameters(sorted(missing))
+        tasks = [
+            ConfirmJob(
+                self.plan.job(text),
+                self.memory.columns(by_text[text].canonical),
+                self.front.error(by_text[text].nodes),
+            )
+            for text in texts
+        ]
+        confirmed = self._run(confirm, tasks, f"confirm-generation{self.generation + 1}")
+        return [by_text[texts[i]].member(found, known[texts[i]].error) for i, found in confirmed]
 
     def _selected(self, broods: Sequence[Sequence[Offspring]]) -> tuple[Island, ...]:
         errors = {c.expression: self.memory.known[c.canonical.text].error for brood in broods for c in brood}
@@ -271,13 +280,13 @@ class Search:
         """What the islands' next children need of their parents. `forms` are those that are at hand."""
         population = {individual.expression for island in self.islands for individual in island.population}
         known = forms or {expression: canonical(parse(expression)) for expression in sorted(population)}
-        targets = len(CHANNELS) * self.plan.materials
-        self.memory.parents(
-            {expression: known[expression] for expression in sorted(population)},
-            lambda keys: self.store.parameters(keys, targets),
-        )
+        forms = {expression: known[expression] for expression in sorted(population)}
+        self.memory.parents(forms, self._stored_parameters)
         populated = (island for island in self.islands if island.population)
         self.better_third = max((island.quantile(PARENTS) for island in populated), default=math.inf)
+
+    def _stored_parameters(self, keys: Sequence[str]) -> dict[str, Parameters]:
+        return self.store.parameters(keys, len(CHANNELS) * self.plan.materials)
 
     def _run(self, function: Callable[[Any, P], R], payloads: Iterable[P], label: str) -> Iterator[tuple[int, R]]:
         """Runs tasks and tells the watcher of every result."""

@@ -11,6 +11,7 @@ from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
 from fitters.fits import FitSettings, exact_errors, fit, fit_problem, refit
+from fitters.fits.problem import sample
 from fitters.scenes import LightTable
 from tests.fitters.fits.conftest import TRUTH, ggx
 from tests.random_expressions import random_tree
@@ -216,3 +217,60 @@ def test_the_engine_states_the_error_of_its_parameters(problem):
             values = evaluate_features(formula.expression, found.parameters(target), problem.sample.features)
             plain = np.linalg.norm(problem.sample.weights[target] * values - problem.sample.targets[target])
             assert found.errors[target] == pytest.approx(plain, rel=5e-3, abs=2e-5), name
+
+
+WORK = ("p0 / pi + p1 * pow(wh.z, p2)", "p0 + p1 * exp(-pow(acos(wh.z) / p2, p3))", "p0 * exp(p1 * wh.z * p2)")
+
+
+@pytest.mark.parametrize("text", WORK)
+def test_a_warm_start_only_adds(problem, text):
+    """From anywhere, even from nonsense: no target is worse for it."""
+    cold = fitted(text, problem)
+    rng = np.random.default_rng(7)
+    for spread in (0.0, 0.5, 8.0):
+        near = {name: column * np.exp(spread * rng.normal(size=3)) for name, column in cold.columns.items()}
+        warm = fit(parse(text), problem.sample, problem.metric, WIDE, near=near)
+        assert np.all(warm.errors <= cold.errors * (1 + 1e-3))
+
+
+def test_a_warm_start_leads_where_the_fit_would_not_have_come(problem):
+    """One start and no descent worth the name find no lobe; its own parameters do."""
+    text = "p0 + p1 * exp(-pow(acos(wh.z) / p2, 2)) * exp(-pow(wi.z / p3, 2))"
+    good = fitted(text, problem, settings=THOROUGH)
+    poor = FitSettings(starts=1, restarts=1, rounds=0, evaluations=4)
+    cold = fit(parse(text), problem.sample, problem.metric, WIDE, poor)
+    warm = fit(parse(text), problem.sample, problem.metric, WIDE, poor, near=good.columns)
+    assert warm.error < 1.01 * good.error < cold.error
+
+
+def test_a_fit_far_from_its_bar_is_given_up(problem):
+    whole = fitted("p0 * wi.z", problem)
+    assert whole.finished
+    stopped = fit(parse("p0 * wi.z"), problem.sample, problem.metric, WIDE, bar=whole.error / 10)
+    assert not stopped.finished
+    assert stopped.standard_error == 0
+    assert stopped.evaluations < whole.evaluations
+    assert stopped.error == pytest.approx(whole.error, rel=0.2)
+    assert stopped.names == whole.names
+
+
+@pytest.mark.parametrize("text", WORK)
+def test_a_fit_that_meets_its_bar_is_what_it_would_have_been(problem, text):
+    plain = fitted(text, problem)
+    with_bar = fit(parse(text), problem.sample, problem.metric, WIDE, bar=plain.error)
+    assert with_bar.finished
+    np.testing.assert_array_equal(plain.values, with_bar.values)
+
+
+def test_the_standard_error_is_that_of_the_sample(problem):
+    """The spread of the error over sixty samples. What is smooth over the grid is sampled better than stated."""
+    cells = [sample(problem.full, 400, seed) for seed in range(60)]
+    for text in ("p0 * wi.z", "p0 / pi + p1 * pow(wh.z, 30)"):
+        fits = [fit(parse(text), some, problem.metric, WIDE) for some in cells]
+        spread = np.std([found.error for found in fits])
+        stated = np.mean([found.standard_error for found in fits])
+        assert 0.25 * stated < spread < 2 * stated
+
+
+def test_all_cells_leave_no_standard_error(problem):
+    assert fit(parse("p0 * wi.z"), problem.full, problem.metric, WIDE).standard_error == 0

@@ -68,3 +68,31 @@ def test_the_hash_of_a_problem_tells_problems_apart(light, shiny):
         for metric, cells, seed in (("light", 50, 1), ("light", 50, 2), ("light", 60, 1), ("compressive", 50, 1))
     }
     assert len(keys) == 4
+
+
+def test_a_sample_begins_with_a_smaller_one(full):
+    """Whose weighted sums are unbiased too, and whose cells are the first of the larger."""
+    exact = np.sum(np.square(full.targets, dtype=float), axis=1)
+    sums = []
+    for seed in range(200):
+        drawn = sample(full, 400, seed)
+        assert drawn.coarse is not None
+        assert drawn.coarse.weights.shape == drawn.coarse.targets.shape
+        assert 0.3 * len(drawn) / 4 < drawn.coarse.weights.shape[1] <= 100
+        sums.append(np.sum(np.square(drawn.coarse.targets, dtype=float), axis=1))
+        m = drawn.coarse.weights.shape[1]
+        lit = drawn.weights[:, :m] > 0
+        np.testing.assert_allclose(
+            (drawn.targets[:, :m][lit] / drawn.weights[:, :m][lit]),
+            (drawn.coarse.targets[lit] / drawn.coarse.weights[lit]),
+            rtol=1e-4,
+        )
+    deviation = np.abs(np.mean(sums, axis=0) - exact) / (np.std(sums, axis=0) / np.sqrt(len(sums)) + 1e-9 * exact)
+    assert deviation.max() < 4
+
+
+def test_draws_add_up(full):
+    drawn = sample(full, 500, 1)
+    assert drawn.draws is not None
+    assert drawn.draws.sum() == 500
+    assert full.draws is None
