@@ -186,8 +186,8 @@ def _sampled(problem: Prepared, cells: Cells, found: Optima, fitted: Fit) -> Fit
 def _standard_error(squares: Array, cells: Cells, error: float) -> float:
     """Of an error whose square is the sum of `squares` (n,) over sampled cells.
 
-    A draw adds its part of the sum. The sample is systematic, so what counts is how much neighbouring draws differ,
-    not how much all of them do (Wolter 2007, section 8.2); the root goes by the delta method.
+    A draw adds its part of the sum. The sample is systematic, so what counts is how much neighbouring draws
+    differ, not how much all of them do (Wolter 2007, section 8.2); the root goes by the delta method.
     """
     assert cells.draws is not None
     order = np.argsort(cells.index)
