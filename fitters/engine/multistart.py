@@ -63,6 +63,15 @@ def _best_row(table, target, taken):
 
 
 @njit(**_INNER)
+def _next_row(table, target, taken):
+    """The first row of the table that is finite for the target and not taken; -1 for none."""
+    for i in range(table.shape[0]):
+        if not taken[i] and np.isfinite(table[i, target]):
+            return i
+    return -1
+
+
+@njit(**_INNER)
 def _total(values):
     total = 0.0
     for value in values:
@@ -75,9 +84,9 @@ def fit_targets(machine, starts, near, descent, best_x, best_value):
     """Fits every target from shared starts (s, d); fills best_x (t, d) and best_value (t,).
 
     All starts are evaluated once for all targets, since only the closed-form part differs between them. A target
-    first descends from its best start, then from the best of those that no target has taken: the best start is
-    often in the wrong valley, and it is enough that one target finds the right one. For then, in rounds, targets
-    descend from the optima of others that suit them better than their own.
+    first descends from its best start, then in turns from the best and the first of those that no target has
+    taken: the best are often in the wrong valley, and it is enough that one target finds the right one. For then,
+    in rounds, targets descend from the optima of others that suit them better than their own.
 
     Last come warm starts `near` (t or 0, d), one per target: they can only lower what was found without them.
 
@@ -113,7 +122,10 @@ def _descend_from_table(machine, starts, table, descent, best_x, best_value, c):
         if restart == 1 and _total(best_value) > descent.hopeless:
             break
         for target in range(t):
-            row = _best_row(table, target, nothing if restart == 0 else taken)
+            if restart > 1 and restart % 2 == 0:
+                row = _next_row(table, target, taken)
+            else:
+                row = _best_row(table, target, nothing if restart == 0 else taken)
             if row >= 0:
                 taken[row] = True
                 used += _descend(machine, target, starts[row], descent, best_x, best_value, c)

@@ -7,7 +7,7 @@ both. Formulas that are equal for deeper reasons keep their forms apart, which c
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 from zlib import crc32
 
@@ -32,7 +32,7 @@ class Canonical:
     """The canonical form in text form, and what each parameter of the original is called in it."""
 
     text: str
-    names: Mapping[str, str]
+    names: Mapping[str, str] = field(hash=False)
 
 
 class _Node(NamedTuple):

@@ -17,7 +17,7 @@ from fitters.scenes import LightTable
 from tests.reference_scene import needs_shared_data, published, reference_table, surrogates
 
 MATERIALS = ("steel", "pvc", "maroon-plastic")
-THOROUGH = FitSettings(restarts=8, rounds=4, evaluations=100)
+THOROUGH = FitSettings(restarts=16, rounds=4, evaluations=100)
 
 # As wide as the independent program's, which states only 0 < R0 <= 1 and R0 >= 0.01 for ct-floor.
 MODELS = {

@@ -69,7 +69,9 @@ def test_an_export_that_cannot_be_written_is_exit_status_2(folder):
 def test_status_says_where_a_run_stands(folder):
     result = gpsearch("status", "run", cwd=folder)
     assert result.returncode == 0
-    assert result.stdout.startswith("small: generation 2 of 2, 32 candidates (")
+    assert result.stdout.startswith("small: generation 2 of 2, 32 candidates, ")
+    assert " fitted, " in result.stdout
+    assert " known from before, " in result.stdout
     found = object_on_stdout(gpsearch("status", "run", "--json", cwd=folder))
     assert (found["name"], found["generations"], found["of_generations"], found["candidates"]) == (
         "small",

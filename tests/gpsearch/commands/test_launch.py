@@ -86,8 +86,10 @@ def test_progress_is_plain_lines_where_there_is_no_terminal(whole):
     lines = whole[1].stderr.splitlines()
     assert lines[0] == "small starts on this process"
     assert lines[1].startswith("generation 1/4  ")
-    assert lines[-2].startswith("generation 4/4  ")
-    assert lines[-1].startswith("done (generations): 4 generations, 64 candidates, ")
+    assert lines[-3].startswith("generation 4/4  ")
+    assert lines[-2].startswith("done (generations): 4 generations, 64 candidates, ")
+    assert lines[-1].startswith("fits: ")
+    assert " known from before, " in lines[-1]
     assert "\x1b" not in whole[1].stderr
     assert "\r" not in whole[1].stderr
 

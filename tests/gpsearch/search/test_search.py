@@ -211,3 +211,30 @@ def test_formulas_that_are_nowhere_finite_are_survived(tmp_path: Path):
     assert store.totals()[0] == 3
     assert all(np.isfinite(member.error) for member in store.front().members)
     front_json(store, configuration)
+
+
+def test_early_stopping_and_warm_starts_are_settings(tmp_path):
+    """Off, no fit is given up and no parent helps; on, the history says how many were given up."""
+    search = {"islands": 2, "island_size": 32}
+    off = {"early_stopping": False, "warm_starts": False}
+    store = run_search(tmp_path / "off", small(tmp_path, search=search, fit=off))
+    assert all(generation.given_up == 0 for generation in store.generations())
+    assert {bar for _, _, bar in store.fits().values()} == {np.inf}
+    store = run_search(tmp_path / "on", small(tmp_path, search=search))
+    history = store.generations()
+    assert history[0].given_up == 0
+    assert sum(generation.given_up for generation in history) == sum(
+        np.isfinite(bar) for _, _, bar in store.fits().values()
+    )
+    assert sum(generation.given_up for generation in history) > 0
+    for generation in history:
+        assert set(generation.stages) == {"breeding", "screening", "confirming", "storing"}
+        assert sum(generation.stages.values()) == pytest.approx(generation.seconds, rel=0.2, abs=0.05)
+
+
+def test_what_computes_the_same_is_fitted_once(tmp_path):
+    """Every fit of a run is of a canonical form, and no two of them are the same formula."""
+    store = run_search(tmp_path / "run", small(tmp_path))
+    for text in store.fits():
+        assert canonical(parse(text)).text == text
+    assert store.totals()[2] == len(store.seen())
