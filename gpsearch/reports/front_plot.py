@@ -3,14 +3,26 @@
 from pathlib import Path
 from typing import Any
 
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox
 
 FRONT_COLOUR, BASELINE_COLOUR, TEXT_COLOUR = "#1f5fa8", "#c4572b", "#333333"
+
+PLACES: tuple[tuple[tuple[int, int], dict[str, Any]], ...] = (
+    ((6, 4), {"ha": "left", "va": "bottom"}),
+    ((-6, 4), {"ha": "right", "va": "bottom"}),
+    ((6, -4), {"ha": "left", "va": "top"}),
+    ((-6, -4), {"ha": "right", "va": "top"}),
+)
+"""Where a name may stand beside its point: offset in points, and the corner of the text that lies there."""
 
 
 def plot_front(exported: dict[str, Any], path: Path) -> None:
     """Writes the plot of an exported front (see `gpsearch.exports`) as the image format that the suffix names."""
     figure = Figure(figsize=(8, 5), dpi=150, layout="constrained")
+    canvas = FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     front, baselines = exported["front"], exported["baselines"]
     sizes, errors = [m["nodes"] for m in front], [m["error"] for m in front]
@@ -27,15 +39,6 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
         ms=6,
         label="published, refitted",
     )
-    for baseline in drawn:
-        axes.annotate(
-            baseline["name"],
-            (baseline["nodes"], baseline["error"]),
-            xytext=(6, 4),
-            textcoords="offset points",
-            fontsize=8,
-            color=BASELINE_COLOUR,
-        )
     run = exported["run"]
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
@@ -51,4 +54,21 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
     )
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
     axes.legend(frameon=False, fontsize=9)
+    canvas.draw()
+    _name(axes, [(b["name"], b["nodes"], b["error"]) for b in drawn])
     figure.savefig(path)
+
+
+def _name(axes: Axes, points: list[tuple[str, int, float]]) -> None:
+    """Names points of a drawn figure, each at the first place where it hides no other name and stays inside."""
+    inside, taken = axes.get_window_extent(), list[Bbox]()
+    for name, x, y in sorted(points, key=lambda point: point[1:]):
+        for place, (offset, sides) in enumerate(PLACES):
+            text = axes.annotate(
+                name, (x, y), offset, textcoords="offset points", fontsize=8, color=BASELINE_COLOUR, **sides
+            )
+            box = text.get_window_extent()
+            if place == len(PLACES) - 1 or (box.x1 < inside.x1 and not any(map(box.overlaps, taken))):
+                taken.append(box)
+                break
+            text.remove()
