@@ -35,15 +35,18 @@ class Memory:
     """Known fits by canonical expression.
 
     known:      every fit so far
-    fresh:      those that are not stored yet
     seen:       size of the smallest expression of a canonical form that occurred in a whole generation
-    parameters: of those that may become parents
+    parameters: of the parents, which do not change while their children are fitted: otherwise a warm start would
+                depend on which fit is done first
+    learned:    parameters of this generation's fits
+    fresh:      those that are not stored yet
     """
 
     def __init__(self, known: dict[str, Known], seen: dict[str, int]) -> None:
         self.known, self.seen = known, seen
         self.fresh: set[str] = set()
         self.parameters: dict[str, Parameters] = {}
+        self.learned: dict[str, Parameters] = {}
         self._forms: dict[str, Canonical] = {}
 
     def knows(self, key: str, bar: float) -> bool:
@@ -53,7 +56,7 @@ class Memory:
 
     def learn(self, key: str, fit: Fit, bar: float) -> None:
         self.known[key] = Known(fit.error, fit.standard_error, math.inf if fit.finished else bar)
-        self.parameters[key] = fit.values.astype(np.float32)
+        self.learned[key] = fit.values.astype(np.float32)
         self.fresh.add(key)
 
     def is_new(self, key: str, nodes: int) -> bool:
@@ -75,12 +78,14 @@ class Memory:
         """
         self._forms = dict(population)
         keys = dict.fromkeys(form.text for form in population.values())
-        found = load([key for key in keys if key not in self.parameters]) | self.parameters
+        at_hand = self.parameters | self.learned
+        found = load([key for key in keys if key not in at_hand]) | at_hand
         self.parameters = {key: found[key] for key in keys if key in found}
+        self.learned = {}
 
     def columns(self, form: Canonical) -> dict[str, NDArray[np.float64]] | None:
         """The parameters of a known fit, each (targets,), by their own names; None where they are not at hand."""
-        values = self.parameters.get(form.text)
+        values = self.learned.get(form.text, self.parameters.get(form.text))
         if values is None:
             return None
         return {own: values[:, grammar.number(name)].astype(np.float64) for own, name in form.names.items()}

@@ -234,7 +234,11 @@ class Search:
         return Candidate(entrant.canonical.text, self._bar(entrant.nodes), near)
 
     def _keep_fits(self) -> None:
-        """Stores what was fitted in a generation that was broken off, so that it need not be fitted again."""
+        """Stores what was fitted in a generation that was broken off, so that it need not be fitted again.
+
+        But for what was fitted once more under a higher bar: the parents must stay what they were.
+        """
+        self.memory.fresh -= self.memory.seen.keys()
         if self.memory.fresh:
             with self.store.transaction():
                 self._save_fits()
@@ -242,8 +246,8 @@ class Search:
 
     def _save_fits(self) -> None:
         keys = sorted(self.memory.fresh)
-        known, parameters = self.memory.known, self.memory.parameters
-        self.store.save_fits((key, *astuple(known[key]), parameters[key]) for key in keys)
+        known, learned = self.memory.known, self.memory.learned
+        self.store.save_fits((key, *astuple(known[key]), learned[key]) for key in keys)
         self.memory.fresh.clear()
 
     def _confirm(self, new: Iterable[Entrant]) -> list[Member]:
@@ -256,8 +260,9 @@ class Search:
             if fit.bar == math.inf
         )
         self.watcher.stage("confirming", len(texts))
-        missing = {by_text[text].canonical.text for text in texts} - self.memory.parameters.keys()
-        self.memory.parameters |= self._stored_parameters(sorted(missing))
+        at_hand = self.memory.parameters.keys() | self.memory.learned.keys()
+        missing = {by_text[text].canonical.text for text in texts} - at_hand
+        self.memory.learned |= self._stored_parameters(sorted(missing))
         tasks = [
             ConfirmJob(
                 self.plan.job(text),

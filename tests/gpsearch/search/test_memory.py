@@ -54,6 +54,7 @@ def test_a_warm_start_follows_the_parameters_names(memory):
     """A child inherits by the names of the expressions, whatever the canonical forms call them."""
     parent, child = "p3 * exp(p1 * wh.z)", "p1 * (wi.z + p3) + p2"
     memory.learn(form(parent).text, fit(values=[[1.0, 2.0], [3.0, 4.0]]), math.inf)
+    memory.parents({parent: form(parent)}, lambda keys: {})
     by_own_name = {own: [1.0, 3.0] if name == "p0" else [2.0, 4.0] for own, name in form(parent).names.items()}
     warm = memory.warm_start(form(child), parent)
     assert warm is not None
@@ -64,7 +65,24 @@ def test_a_warm_start_follows_the_parameters_names(memory):
 def test_without_a_known_parent_there_is_no_warm_start(memory):
     assert memory.warm_start(form("p0 * wi.z"), "p0 * wh.z") is None
     memory.learn(form("p0 * wh.z").text, fit(values=[[1.0]]), math.inf)
+    memory.parents({"p0 * wh.z": form("p0 * wh.z")}, lambda keys: {})
     assert memory.warm_start(form("wi.z / pi"), "p0 * wh.z") is None
+    assert memory.warm_start(form("p0 * wi.z"), "p0 * wh.z") is not None
+
+
+def test_a_fit_does_not_change_the_warm_starts_of_its_generation(memory):
+    """Which of two fits is done first must not matter to the other."""
+    parent = form("p0 * wh.z")
+    memory.learn(parent.text, fit(values=[[1.0]]), math.inf)
+    memory.parents({"p0 * wh.z": parent}, lambda keys: {})
+    memory.learn(parent.text, fit(values=[[9.0]]), math.inf)
+    warm = memory.warm_start(form("p0 * wi.z"), "p0 * wh.z")
+    assert warm is not None
+    assert warm["p0"] == [1.0]
+    memory.parents({"p0 * wh.z": parent}, lambda keys: {})
+    again = memory.warm_start(form("p0 * wi.z"), "p0 * wh.z")
+    assert again is not None
+    assert again["p0"] == [9.0]
 
 
 def test_parents_are_kept_or_fetched_and_others_forgotten(memory):
