@@ -81,12 +81,11 @@ class Configuration(Section):
         return self._yaml()
 
     def _yaml(self, exclude: set[str] | None = None) -> str:
+        content = self.model_dump(mode="json", exclude=exclude)
+        # YAML 1.1 counts these as line breaks, which a file's name may hold: then all but ASCII is escaped.
+        breaks = any(character in "".join((*self.materials, self.scene.light)) for character in "\x85\u2028\u2029")
         return yaml.safe_dump(
-            self.model_dump(mode="json", exclude=exclude),
-            sort_keys=False,
-            default_flow_style=None,
-            width=110,
-            allow_unicode=True,
+            content, sort_keys=False, default_flow_style=None, width=110, allow_unicode=not breaks
         )
 
     @cached_property
