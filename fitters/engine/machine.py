@@ -10,7 +10,8 @@ from functools import cache
 
 from numba import carray, njit, types
 
-from fitters.engine import compiled, math32
+from fitters import compiled
+from fitters.engine import math32
 from fitters.engine.graph import ZERO_LOG
 from fitters.engine.math32 import FLAGS, ONE, address_as, load, store
 

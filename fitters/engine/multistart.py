@@ -5,7 +5,7 @@ from collections import namedtuple
 import numpy as np
 from numba import njit
 
-from fitters.engine import compiled
+from fitters import compiled
 from fitters.engine.math32 import load
 from fitters.engine.objective import compute, integers, objective, project
 from fitters.engine.projection import BLOCK, combine

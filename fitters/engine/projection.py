@@ -10,7 +10,7 @@ SS is then summed from the residuals themselves: from the normal equations it wo
 import numpy as np
 from numba import njit
 
-from fitters.engine import compiled
+from fitters import compiled
 from fitters.engine.math32 import FLAGS, ZERO, load
 
 _LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}

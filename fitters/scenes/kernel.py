@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from fitters.engine import compiled
+from fitters import compiled
 from fitters.grid import CELLS, SHAPE, Array
 from fitters.scenes.environment import EnvironmentMap
 

@@ -10,12 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fitters import cache
-from fitters.engine import compiled
+from fitters import cache, compiled
 from fitters.engine.machine import run_scalars
 from fitters.engine.warm import warm_up
 
-REPOSITORY = Path(__file__).parents[3]
+REPOSITORY = Path(__file__).parents[2]
 
 SCALARS = """
 import json

@@ -1,0 +1,39 @@
+"""The raw table as a model: what the measurement itself says, bin by bin."""
+
+import numpy as np
+
+from fitters.grid import CELLS, SHAPE, Array, cell_index, half_diff
+from fitters.models.half_vector import HalfVectorSampling
+from fitters.models.model import Model
+
+
+class MeasuredTable(HalfVectorSampling, Model):
+    """A table (3, 90, 90, 180) in sr^-1 on the half/difference grid, read at the nearest bin as the field does."""
+
+    kind = "measured-table"
+
+    def __init__(self, table: Array):
+        self.table = np.ascontiguousarray(table, np.float32)
+        self._rows = self.table.reshape(3, CELLS)
+
+    @property
+    def floats(self) -> int:
+        return self.table.size
+
+    @property
+    def reciprocal(self) -> bool:
+        # The grid takes phi_diff modulo pi, so both orders of a pair are one cell, but for rounding on its edge.
+        return True
+
+    def evaluate(self, w_i: Array, w_o: Array) -> Array:
+        above = (w_i[:, 2] > 0) & (w_o[:, 2] > 0)
+        values = np.zeros((len(w_i), 3))
+        values[above] = self._rows[:, cell_index(*half_diff(w_i[above], w_o[above]))].T
+        return values
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        return {"table": self.table}
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> "MeasuredTable":
+        return cls(arrays["table"].reshape(3, *SHAPE))
