@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from fitters import cache, compiled
+from fitters.engine import machine
 from fitters.engine.machine import run_scalars
 from fitters.engine.warm import warm_up
 
@@ -19,6 +20,7 @@ REPOSITORY = Path(__file__).parents[2]
 SCALARS = """
 import json
 import numpy as np
+from fitters.engine import machine
 from fitters.engine.machine import run_scalars
 from fitters.engine.opcodes import SCALAR_OPCODE
 
@@ -72,7 +74,7 @@ def warm(tmp_path_factory):
     """A cache with all that this session has compiled, in its own time or before."""
     warm_up()
     run_scalars(np.zeros((0, 4), np.int32), np.zeros(1))
-    source = compiled.folder(Path(compiled.__file__).parent)
+    source = compiled.folder(Path(machine.__file__).parent)
     folder = tmp_path_factory.mktemp("warm")
     shutil.copytree(source, folder / source.name)
     return folder
@@ -174,7 +176,7 @@ def a_file(folder):
 def a_file_inside(folder):
     """In the place of the folder that holds the code."""
     folder.mkdir()
-    (folder / compiled.folder(Path(compiled.__file__).parent).name).write_text("")
+    (folder / compiled.folder(Path(machine.__file__).parent).name).write_text("")
 
 
 def a_folder_inside(folder):
