@@ -1,0 +1,1 @@
+"""Non-parametric factor models of isotropic materials (Bagher et al. 2016)."""
