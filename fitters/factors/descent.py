@@ -13,8 +13,8 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from fitters.grid import Array
 
-LONGEST_STEP = 3.0
-"""A step that would change a logarithm by more is shortened."""
+LARGEST_FALL = 3.0
+"""No logarithm falls by more in a step."""
 PATIENCE = 2
 """So many steps in a row must each gain less than the tolerance before a descent ends."""
 
@@ -98,12 +98,22 @@ def _step(
         except LinAlgError:
             damping, growth = max(damping, 1e-12) * growth, 2 * growth
             continue
-        change *= min(1.0, LONGEST_STEP / max(np.abs(change[1:]).max(), 1e-300))
+        change[1:] = _tempered(change[1:])
         trial = problem.normalised(x + change)
         lower = problem.objective(trial)
         if lower < value:
             expected = -(2 * gradient @ change + change @ matrix @ change)
             gain = (value - lower) / max(expected, 1e-300)
-            return trial, lower, max(damping * max(1 / 9, 1 - (2 * gain - 1) ** 3), 1e-10)
+            return trial, lower, max(damping * max(1 / 9, 1 - (2 * min(gain, 2.0) - 1) ** 3), 1e-10)
         damping, growth = damping * growth, 2 * growth
     return None
+
+
+def _tempered(change: Array) -> Array:
+    """A step of logarithms, taken less far where it would rise by more than 1.
+
+    The step is linear in the factors themselves: a component far below where it belongs sees a relative change of
+    many powers of e, which is meant as a multiple.
+    """
+    risen = 1.0 + np.log(np.maximum(change, 1.0))
+    return np.where(change > 1.0, risen, np.maximum(change, -LARGEST_FALL))

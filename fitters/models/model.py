@@ -25,7 +25,7 @@ class Model(ABC):
     @property
     @abstractmethod
     def floats(self) -> int:
-        """Numbers that a renderer must hold to evaluate the model, all three channels."""
+        """Numbers to store per material, all three channels."""
 
     @property
     @abstractmethod

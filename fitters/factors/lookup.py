@@ -1,0 +1,85 @@
+"""Values of the factor models at directions, compiled: the same nearest bins and linear G as in a fit."""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from fitters import compiled
+
+_HALF_PI = math.pi / 2
+_COS_LIMIT = math.cos(math.radians(89.0))
+
+
+@njit(error_model="numpy")
+def _half_diff(w_i, w_o):
+    """theta_half bin, theta_diff bin, and the half vector (x, y, z) of one pair of directions."""
+    x, y, z = w_i[0] + w_o[0], w_i[1] + w_o[1], w_i[2] + w_o[2]
+    length = math.sqrt(x * x + y * y + z * z)
+    x, y, z = x / length, y / length, z / length
+    theta_half = math.atan2(math.hypot(x, y), z)
+    theta_diff = math.acos(min(0.5 * length, 1.0))
+    h = min(int(math.sqrt(theta_half / _HALF_PI) * 90), 89)
+    d = min(int(theta_diff / _HALF_PI * 90), 89)
+    return h, d, x, y, z
+
+
+@njit(error_model="numpy")
+def _phi_bin(w_i, x, y, z):
+    """The phi_diff bin (of 180, modulo pi) of w_i about a half vector."""
+    sin_h = math.hypot(x, y)
+    cos_phi, sin_phi = (x / sin_h, y / sin_h) if sin_h > 1e-12 else (1.0, 0.0)
+    along = w_i[0] * z * cos_phi + w_i[1] * z * sin_phi - w_i[2] * sin_h
+    across = w_i[1] * cos_phi - w_i[0] * sin_phi
+    return min(int(math.atan2(across, along) % math.pi / math.pi * 180), 179)
+
+
+@njit(error_model="numpy")
+def _node(cosine):
+    """The node below an angle, and the share of the next; the angle is 89 degrees at most."""
+    degrees = math.degrees(math.acos(min(max(cosine, _COS_LIMIT), 1.0)))
+    node = min(int(degrees), 88)
+    return node, min(degrees - node, 1.0)
+
+
+@compiled.entry(error_model="numpy")
+def microfacet(w_i, w_o, rho_d, rho_s, d, f, g, values):
+    """Eq. 3 into values (n, 3). Beyond 89 degrees, where nothing was fitted, G and the cosine are those at 89."""
+    for j in range(len(w_i)):
+        cos_i, cos_o = w_i[j, 2], w_o[j, 2]
+        if cos_i <= 0.0 or cos_o <= 0.0:
+            values[j] = 0.0
+            continue
+        h, t, _, _, _ = _half_diff(w_i[j], w_o[j])
+        a, part_a = _node(cos_i)
+        b, part_b = _node(cos_o)
+        cosines = max(cos_i, _COS_LIMIT) * max(cos_o, _COS_LIMIT)
+        for c in range(3):
+            g_i = g[a, c] + part_a * (g[a + 1, c] - g[a, c])
+            g_o = g[b, c] + part_b * (g[b + 1, c] - g[b, c])
+            values[j, c] = rho_d[c] + rho_s[c] * d[h, c] * f[t, c] * g_i * g_o / cosines
+
+
+@compiled.entry(error_model="numpy")
+def naive(w_i, w_o, rho_d, rho_s, d, f, h, values):
+    """Eq. 4 into values (n, 3)."""
+    for j in range(len(w_i)):
+        if w_i[j, 2] <= 0.0 or w_o[j, 2] <= 0.0:
+            values[j] = 0.0
+            continue
+        k, t, x, y, z = _half_diff(w_i[j], w_o[j])
+        p = _phi_bin(w_i[j], x, y, z)
+        for c in range(3):
+            values[j, c] = rho_d[c] + rho_s[c] * d[k, c] * f[t, c] * h[p, c]
+
+
+@compiled.entry(error_model="numpy")
+def bivariate(w_i, w_o, table, values):
+    """Eq. 5 into values (n, 3)."""
+    for j in range(len(w_i)):
+        if w_i[j, 2] <= 0.0 or w_o[j, 2] <= 0.0:
+            values[j] = 0.0
+            continue
+        h, t, _, _, _ = _half_diff(w_i[j], w_o[j])
+        for c in range(3):
+            values[j, c] = table[h, t, c]
