@@ -1,8 +1,8 @@
 """The linear steps of alternating weighted least squares (section 4.2 of Bagher et al. 2016).
 
 With G (or H) held, a sample's model is rho_d + rho_s D F p, p what G or H make of its place. D, F and the two
-coefficients then see the samples through six sums over the azimuths of each (theta_half, theta_diff): one pass over
-all samples makes these, and every step after it costs 8,100 cells.
+coefficients then see the samples through six sums over the azimuths of each (theta_half, theta_diff): one pass
+over all samples makes these, and every step after it costs 8,100 cells.
 """
 
 from dataclasses import dataclass

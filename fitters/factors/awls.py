@@ -215,7 +215,7 @@ def _golden(model: _Model, here: Channel, there: Channel) -> tuple[Channel, floa
 def _g_equations(
     rho_d, rho_s, d, f, g, offset, node, part, other, other_part, cosines, weights, values, bands, right
 ):
-    """Adds up the normal equations of G at `node` with G at `other` held: a band above the diagonal, the diagonal."""
+    """Adds up the equations of G at `node` with G at `other` held: the band above the diagonal, the diagonal."""
     for row in range(len(offset) - 1):
         base = rho_s * d[row // 90] * f[row % 90]
         for j in range(offset[row], offset[row + 1]):

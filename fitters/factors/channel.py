@@ -3,10 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitters.factors.alternation import FLOOR
 from fitters.factors.samples import NODES, Samples
 from fitters.grid import SHAPE, Array
+
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +59,9 @@ class Channel:
 class Seen:
     """Which components of the factors some sample sees: masks like those of `Channel`."""
 
-    d: Array
-    f: Array
-    g: Array
+    d: Mask
+    f: Mask
+    g: Mask
 
 
 def seen(samples: Samples, *, by_azimuth: bool) -> Seen:
@@ -72,10 +75,10 @@ def seen(samples: Samples, *, by_azimuth: bool) -> Seen:
     else:
         nodes = np.concatenate([n[weighty].astype(int) + k for n in (at.node_i, at.node_o) for k in (0, 1)])
         last = np.bincount(nodes, minlength=NODES) > 0
-    return Seen(counts.any(axis=1), counts.any(axis=0), last)
+    return Seen(np.any(counts, axis=1), np.any(counts, axis=0), last)
 
 
-def _filled(values: Array, mask: Array) -> Array:
+def _filled(values: Array, mask: Mask) -> Array:
     if mask.all() or not mask.any():
         return values
     places = np.arange(len(values))

@@ -11,6 +11,7 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
+from fitters.factors.samples import Samples
 from fitters.grid import Array
 
 LARGEST_FALL = 3.0
@@ -22,21 +23,21 @@ PATIENCE = 2
 class LogProblem(Protocol):
     """An objective over unknowns x (k,): rho_d >= 0, then logarithms."""
 
+    @property
+    def samples(self) -> Samples: ...
+
     def objective(self, x: Array) -> float: ...
 
     def normal_equations(self, x: Array) -> tuple[float, Array, Array]:
         """The objective, half its gradient (k,), and its Gauss-Newton matrix (k, k)."""
         ...
 
-    def lowest(self, x: Array) -> Array:
-        """The lower bounds (k,) near x."""
+    def bounds(self, x: Array) -> tuple[Array, Array]:
+        """The box (k,), (k,) near x."""
         ...
 
-    def normalised(self, x: Array) -> Array:
-        """The nearest unknowns in range: rho_d >= 0, the largest component of each factor but D 1, the others clamped.
-
-        Clamping comes last: D holds the scales of all, so that no bound on it can be known before.
-        """
+    def in_box(self, x: Array) -> Array:
+        """The nearest unknowns that the model allows."""
         ...
 
 
@@ -56,12 +57,13 @@ class Descent:
 
 def descend(problem: LogProblem, x: Array, *, iterations: int, tolerance: float) -> Descent:
     """Descends until steps gain less than `tolerance` of the objective, or `iterations` are used up."""
-    x = problem.normalised(x)
+    x = problem.in_box(x)
     damping, small = 1e-3, 0
     course = [problem.objective(x)]
     while len(course) <= iterations:
         value, gradient, matrix = problem.normal_equations(x)
-        free = np.flatnonzero((x > problem.lowest(x) + 1e-12) | (gradient < 0))
+        low, high = problem.bounds(x)
+        free = np.flatnonzero(((x > low + 1e-12) | (gradient < 0)) & ((x < high - 1e-12) | (gradient > 0)))
         found = _step(problem, x, value, gradient, matrix, free, damping)
         if found is None:
             return Descent(x, value, tuple(course), True)
@@ -99,7 +101,7 @@ def _step(
             damping, growth = max(damping, 1e-12) * growth, 2 * growth
             continue
         change[1:] = _tempered(change[1:])
-        trial = problem.normalised(x + change)
+        trial = problem.in_box(x + change)
         lower = problem.objective(trial)
         if lower < value:
             expected = -(2 * gradient @ change + change @ matrix @ change)

@@ -1,8 +1,8 @@
 """One pass over all samples: the objective, its gradient and the Gauss-Newton matrix of D, F and G.
 
 The unknowns are rho_d and the logarithms of D (90, which holds rho_s too), F (90) and G (90): 271 in this order.
-A sample's residual is r = rho_d + s - z with s = D F G_i G_o / (cos theta_i cos theta_o), and the derivative of s by
-the logarithm of a factor is s, times a node's share in the interpolation for G.
+A sample's residual is r = rho_d + s - z with s = D F G_i G_o / (cos theta_i cos theta_o), and the derivative of s
+by the logarithm of a factor is s, times a node's share in the interpolation for G.
 """
 
 import numpy as np

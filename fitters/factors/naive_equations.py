@@ -1,9 +1,7 @@
-"""The objective and the Gauss-Newton matrix of the naive model rho_d + rho_s D(theta_half) F(theta_diff) H(phi_diff).
+"""The objective and the Gauss-Newton matrix of the naive model, rho_d + rho_s D(theta_h) F(theta_d) H(phi_d).
 
 The unknowns are rho_d and the logarithms of D (90, which holds rho_s too), F (90) and H (180): 361 in this order.
 """
-
-import numpy as np
 
 from fitters import compiled
 

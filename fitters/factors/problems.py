@@ -1,8 +1,10 @@
-"""What the descent solves: the objective of each model as a function of rho_d and the logarithms of its factors."""
+"""What a descent solves: the objective of each model over rho_d and the logarithms of its factors."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitters.factors import microfacet_equations, naive_equations
 from fitters.factors.samples import NODES, Samples
@@ -25,27 +27,30 @@ def _second_differences() -> Array:
 _ROUGHNESS = _second_differences()
 
 
-def clamped(x: Array, scale: slice, *others: slice, powers: tuple[int, ...]) -> Array:
-    """x with the largest component of the `others` 1, their scales moved to factor `scale`; all in range.
+def in_box(x: Array, scale: slice, *others: slice, powers: tuple[int, ...]) -> Array:
+    """x with rho_d >= 0, the `others` in [1e-6, 1], largest component 1, and factor `scale` in its own range.
 
-    `powers` says how often each of the others appears in the product.
+    What would rise above 1 is cut there: raising the floor of a whole factor for one component would undo what
+    all samples say for what few of them do. Where a largest component fell, `scale` takes it up; `powers` says
+    how often each of the others appears in the product.
     """
     x = x.copy()
     x[0] = max(x[0], 0.0)
     for factor, power in zip(others, powers, strict=True):
+        np.clip(x[factor], LOWEST, 0.0, out=x[factor])
         largest = x[factor].max()
         x[factor] -= largest
         x[scale] += power * largest
-        np.maximum(x[factor], LOWEST, out=x[factor])
     np.maximum(x[scale], x[scale].max() + LOWEST, out=x[scale])
     return x
 
 
-def lower_bounds(x: Array, scale: slice) -> Array:
-    low = np.full(len(x), LOWEST)
-    low[0] = 0.0
-    low[scale] = x[scale].max() + LOWEST
-    return low
+def bounds(x: Array, scale: slice) -> tuple[Array, Array]:
+    """The box (k,), (k,) around x."""
+    low, high = np.full(len(x), LOWEST), np.zeros(len(x))
+    low[0], high[0] = 0.0, np.inf
+    low[scale], high[scale] = x[scale].max() + LOWEST, np.inf
+    return low, high
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,11 +75,11 @@ class IndependentG:
         matrix[_G, _G] += self.smoothing * _ROUGHNESS
         return value + self.smoothing * float(x[_G] @ bend), gradient, matrix
 
-    def lowest(self, x: Array) -> Array:
-        return lower_bounds(x, _D)
+    def bounds(self, x: Array) -> tuple[Array, Array]:
+        return bounds(x, _D)
 
-    def normalised(self, x: Array) -> Array:
-        return clamped(x, _D, _F, _G, powers=(1, 2))
+    def in_box(self, x: Array) -> Array:
+        return in_box(x, _D, _F, _G, powers=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +107,11 @@ class GFromD:
         chain[_G, _D] = slope
         return value, gradient @ chain, chain.T @ matrix @ chain
 
-    def lowest(self, x: Array) -> Array:
-        return lower_bounds(x, _D)
+    def bounds(self, x: Array) -> tuple[Array, Array]:
+        return bounds(x, _D)
 
-    def normalised(self, x: Array) -> Array:
-        return clamped(x, _D, _F, powers=(1,))
+    def in_box(self, x: Array) -> Array:
+        return in_box(x, _D, _F, powers=(1,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,25 +130,25 @@ class Naive:
         )
         return value, gradient, matrix
 
-    def lowest(self, x: Array) -> Array:
-        return lower_bounds(x, _D)
+    def bounds(self, x: Array) -> tuple[Array, Array]:
+        return bounds(x, _D)
 
-    def normalised(self, x: Array) -> Array:
-        return clamped(x, _D, _F, _H, powers=(1, 1))
+    def in_box(self, x: Array) -> Array:
+        return in_box(x, _D, _F, _H, powers=(1, 1))
 
 
 def _factors(x: Array) -> tuple[float, Array, Array, Array]:
     return x[0], np.exp(x[_D]), np.exp(x[_F]), np.exp(x[_G])
 
 
-def _arguments(samples: Samples) -> tuple[Array, ...]:
+def _arguments(samples: Samples) -> tuple[NDArray[Any], ...]:
     at = samples.geometry
     return (
         at.offset, at.node_i, at.node_o, at.part_i, at.part_o, at.cosines, samples.weights, samples.values
     )  # fmt: skip
 
 
-def _places(samples: Samples) -> tuple[Array, ...]:
+def _places(samples: Samples) -> tuple[NDArray[Any], ...]:
     at = samples.geometry
     if at.phi.size != SHAPE[2]:
         raise AssertionError("the naive model tells phi_diff from pi - phi_diff: its samples are not folded")

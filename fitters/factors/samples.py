@@ -20,7 +20,7 @@ from fitters.grid import SHAPE, Array, bin_centres
 from fitters.materials import Material
 
 LIMIT = np.radians(89.0)
-"""Samples with a direction beyond are left out: the cosines in the denominator make them unstable (section 4.1)."""
+"""Samples with a direction beyond are left out: cosines in the denominator make them unstable (section 4.1)."""
 
 NODES = 90
 """G is linear between its values at 0, 1, .. 89 degrees."""

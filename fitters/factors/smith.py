@@ -1,7 +1,7 @@
 """G from D: Smith's shadowing of a tabulated distribution of normals, as a linear map.
 
-The integrals of section 4.3 of Bagher et al. 2016 are linear in D, and so is its normalisation (eq. 19): with D (90,)
-at the bins' centres, linear in between, Lambda at the nodes of G is (A D) / (n D), and G = 1 / (1 + Lambda).
+The integrals of section 4.3 of Bagher et al. 2016 are linear in D, and so is its normalisation (eq. 19): with D
+(90,) at the bins' centres, linear in between, Lambda at the nodes of G is (A D) / (n D), and G = 1 / (1 + Lambda).
 """
 
 from dataclasses import dataclass

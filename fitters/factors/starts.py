@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.optimize import least_squares
 
-from fitters.factors.alternation import FLOOR, shadowing_shape, sums
+from fitters.factors.alternation import FLOOR, sums
 from fitters.factors.channel import Channel
 from fitters.factors.samples import NODES, Samples
 from fitters.grid import Array, bin_centres
@@ -50,7 +50,6 @@ def shifted_gamma(samples: Samples) -> Channel:
     picked = np.minimum(picked, len(at) - 1)
     row = np.searchsorted(at.offset, picked, side="right") - 1
     weight = np.sqrt(samples.weights[picked] / np.maximum(chance[picked], 1e-300))
-    weight *= np.sqrt(samples.weights[picked] > 0)
     value = samples.values[picked]
     angles = [n[picked] + p[picked] for n, p in ((at.node_i, at.part_i), (at.node_o, at.part_o))]
 
@@ -69,7 +68,7 @@ def shifted_gamma(samples: Samples) -> Channel:
         for alpha in (0.01, 0.1, 0.5)
     ]  # fmt: skip
     best = min(found, key=lambda f: f.cost).x
-    return Channel(0.0, 1.0, _sgd_d(best), _sgd_f(best), _sgd_g(best, np.arange(NODES))).clamped()
+    return Channel(0.0, 1.0, _sgd_d(best), _sgd_f(best), _sgd_g(best, np.arange(NODES, dtype=np.float64))).clamped()
 
 
 def _sgd_d(x: Array) -> Array:

@@ -1,0 +1,124 @@
+"""The factors of one channel from one start: by the descent that converges, or by the paper's alternation."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitters.factors import awls
+from fitters.factors.alternation import Sums, alternate, shadowing_shape, sums
+from fitters.factors.channel import Channel, seen
+from fitters.factors.descent import Descent, LogProblem, descend
+from fitters.factors.problems import GFromD, IndependentG, Naive
+from fitters.factors.samples import NODES, Samples
+from fitters.factors.smith import smith
+
+SWEEPS = 10
+"""Rounds of alternation on D and F before a descent."""
+STRIDE = 5
+"""A descent of independent-G and G-from-D begins on every so many-th azimuth."""
+COARSE_STEPS, FINE_STEPS, TOLERANCE = 100, 60, 1e-4
+SHAKES, SHAKE, SHAKE_SEED = 2, 1.0, 1910
+"""So often log G is disturbed, by normal noise of this deviation, and the lower end kept: neighbouring nodes of G
+and bins of F can hold each other where a descent gets no further."""
+SMOOTHING = 1e-8
+"""Weight of the squared second differences of log G, in units of the weighted squared measurement."""
+ROUNDS, ROUND_TOLERANCE = 300, 1e-5
+"""Rounds of the paper's alternation at most, and the relative gain of a round at which it ends."""
+
+
+@dataclass(frozen=True, eq=False)
+class Solved:
+    """Factors, the objective (eq. 7) they reach on all samples, steps or rounds, golden-section searches."""
+
+    channel: Channel
+    objective: float
+    iterations: int
+    searches: int
+    converged: bool
+
+
+def descend_independent_g(samples: Samples, start: Channel) -> Solved:
+    """Eq. 3 with a free G: on some azimuths first, disturbed and resumed there, then on all."""
+    coarse = samples.every(STRIDE)
+    square = float(np.sum(samples.weights * np.square(samples.values, dtype=np.float64)))
+    problem = IndependentG(coarse, SMOOTHING * square / STRIDE)
+    best = descend(problem, _warmed(coarse, start).unknowns(), iterations=COARSE_STEPS, tolerance=TOLERANCE)
+    steps = best.iterations
+    random = np.random.default_rng(SHAKE_SEED)
+    for _ in range(SHAKES):
+        disturbed = best.x.copy()
+        disturbed[-NODES:] += SHAKE * random.standard_normal(NODES)
+        again = descend(problem, disturbed, iterations=COARSE_STEPS, tolerance=TOLERANCE)
+        steps += again.iterations
+        best = min(best, again, key=lambda found: found.objective)
+    fine = IndependentG(samples, SMOOTHING * square)
+    last = descend(fine, best.x, iterations=FINE_STEPS, tolerance=TOLERANCE)
+    solved = _solved(replace(fine, smoothing=0.0), last, Channel.of_unknowns(last.x))
+    return replace(solved, iterations=steps + last.iterations)
+
+
+def descend_g_from_d(samples: Samples, start: Channel) -> Solved:
+    """Eq. 3 with Smith's G of D."""
+    coarse, shadow = samples.every(STRIDE), smith()
+    begin = _warmed(coarse, replace(start, g=np.ones(NODES)))
+    first = descend(
+        GFromD(coarse, shadow), begin.unknowns()[:-NODES], iterations=COARSE_STEPS, tolerance=TOLERANCE
+    )
+    problem = GFromD(samples, shadow)
+    last = descend(problem, first.x, iterations=FINE_STEPS, tolerance=TOLERANCE)
+    d = np.exp(last.x[1:91] - last.x[1:91].max())
+    solved = _solved(problem, last, Channel.of_unknowns(last.x, shadow.shadowing(d)))
+    return replace(solved, iterations=first.iterations + last.iterations)
+
+
+def descend_naive(samples: Samples, start: Channel) -> Solved:
+    """Eq. 4, on samples that are not folded."""
+    flat = replace(start, g=np.ones(samples.geometry.phi.size))
+    known = sums(samples, np.ones(len(samples.geometry), np.float32))
+    problem = Naive(samples)
+    last = descend(problem, _alternated(known, flat).unknowns(), iterations=COARSE_STEPS, tolerance=TOLERANCE)
+    return _solved(problem, last, Channel.of_unknowns(last.x))
+
+
+def alternate_independent_g(samples: Samples, start: Channel) -> Solved:
+    """Independent-G by the paper's alternation, on samples that are not folded."""
+    return _of_alternation(
+        samples, awls.alternate_independent_g(samples, start, rounds=ROUNDS, tolerance=ROUND_TOLERANCE)
+    )
+
+
+def alternate_g_from_d(samples: Samples, start: Channel) -> Solved:
+    """G-from-D, likewise, on any samples."""
+    return _of_alternation(
+        samples, awls.alternate_g_from_d(samples, smith(), start, rounds=ROUNDS, tolerance=ROUND_TOLERANCE)
+    )
+
+
+def alternate_naive(samples: Samples, start: Channel) -> Solved:
+    """The naive model, likewise, on samples that are not folded."""
+    flat = replace(start, g=np.ones(samples.geometry.phi.size))
+    return _of_alternation(samples, awls.alternate_naive(samples, flat, rounds=ROUNDS, tolerance=ROUND_TOLERANCE))
+
+
+def _warmed(samples: Samples, start: Channel) -> Channel:
+    """The start after rounds of linear steps on D and F, which leave places where a descent would stay."""
+    begin = start.clamped()
+    return _alternated(sums(samples, shadowing_shape(samples, begin.g)), begin)
+
+
+def _alternated(known: Sums, start: Channel) -> Channel:
+    begin = start.clamped()
+    rho_d, rho_s, d, f = alternate(known, begin.d, begin.f, SWEEPS)
+    return Channel(rho_d, rho_s, d, f, begin.g)
+
+
+def _solved(problem: LogProblem, end: Descent, channel: Channel) -> Solved:
+    samples = problem.samples
+    filled = channel.filled(seen(samples, by_azimuth=isinstance(problem, Naive)))
+    return Solved(filled, problem.objective(end.x) + samples.constant, end.iterations, 0, end.converged)
+
+
+def _of_alternation(samples: Samples, end: awls.Alternation) -> Solved:
+    by_azimuth = len(end.channel.g) != NODES
+    filled = end.channel.filled(seen(samples, by_azimuth=by_azimuth))
+    return Solved(filled, end.objective + samples.constant, end.rounds, end.searches, end.converged)
