@@ -1,12 +1,13 @@
 """The factors of one colour channel, between the solvers' forms and the tables that are kept."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fitters.factors.alternation import FLOOR
-from fitters.factors.samples import NODES, Samples
+from fitters.factors.samples import NODES, Geometry, Samples
 from fitters.grid import SHAPE, Array
 
 Mask = NDArray[np.bool_]
@@ -66,12 +67,22 @@ class Seen:
 
 def seen(samples: Samples, *, by_azimuth: bool) -> Seen:
     """The components that samples of any weight see; `by_azimuth` for H in the place of G."""
-    at, weighty = samples.geometry, samples.weights > 0
+    if samples.weights.all():
+        return _seen_by_all(samples.geometry, by_azimuth)
+    return _seen(samples.geometry, samples.weights > 0, by_azimuth)
+
+
+@lru_cache(maxsize=8)
+def _seen_by_all(at: Geometry, by_azimuth: bool) -> Seen:
+    return _seen(at, np.ones(len(at), np.bool_), by_azimuth)
+
+
+def _seen(at: Geometry, weighty: Mask, by_azimuth: bool) -> Seen:
     row = np.repeat(np.arange(SHAPE[0] * SHAPE[1]), np.diff(at.offset))
     counts = np.bincount(row[weighty], minlength=SHAPE[0] * SHAPE[1]).reshape(SHAPE[:2])
     if by_azimuth:
         azimuth = np.arange(len(at)) - np.repeat(at.offset[:-1] - at.first.ravel(), np.diff(at.offset))
-        last = np.bincount(azimuth[weighty], minlength=SHAPE[2]) > 0
+        last = np.bincount(azimuth[weighty], minlength=at.phi.size) > 0
     else:
         nodes = np.concatenate([n[weighty].astype(int) + k for n in (at.node_i, at.node_o) for k in (0, 1)])
         last = np.bincount(nodes, minlength=NODES) > 0

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
 from fitters.factors.samples import Samples
@@ -81,7 +82,7 @@ def _step(
     value: float,
     gradient: Array,
     matrix: Array,
-    free: Array,
+    free: NDArray[np.intp],
     damping: float,
 ) -> tuple[Array, float, float] | None:
     """The first step that lowers the objective: unknowns, objective, next damping; None where there is none."""
@@ -104,7 +105,7 @@ def _step(
         trial = problem.in_box(x + change)
         lower = problem.objective(trial)
         if lower < value:
-            expected = -(2 * gradient @ change + change @ matrix @ change)
+            expected = -float(2 * gradient @ change + change @ matrix @ change)
             gain = (value - lower) / max(expected, 1e-300)
             return trial, lower, max(damping * max(1 / 9, 1 - (2 * min(gain, 2.0) - 1) ** 3), 1e-10)
         damping, growth = damping * growth, 2 * growth

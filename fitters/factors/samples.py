@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from fitters import compiled
@@ -134,8 +133,8 @@ def samples(material: Material, *, folded: bool = True) -> list[Samples]:
         middle = float(np.int32(bits).view(np.float32))
         weights, values = np.empty(len(places), np.float32), np.empty(len(places), np.float32)
         constant = _weigh(
-            table[channel], valid, places.offset, places.first.ravel(), places.volume,
-            middle, COMPRESSIVE_POWER, folded, weights, values,
+            table[channel], compressive_weights(table[channel], middle), valid, places.offset,
+            places.first.ravel(), places.volume, folded, weights, values,
         )  # fmt: skip
         found.append(Samples(places, weights, values, constant))
     return found
@@ -178,18 +177,16 @@ def _weighted_median(values, valid, offset, first, volume, folded):
     return (upper << 16) | at
 
 
-@njit(error_model="numpy")
-def compressive_weight(value, middle, power):
-    """w_C of eqs. 11 and 12: 1 at 0, falling as the value rises above the weighted median."""
-    ratio = math.log(2.0) * value / middle
-    return (-math.expm1(-ratio) / ratio) ** power if ratio > 0 else 1.0
+def compressive_weights(values: NDArray[np.float32], middle: float) -> NDArray[np.float32]:
+    """w_C of eqs. 11 and 12: 1 at 0, falling as a value rises above the weighted median."""
+    ratio = np.maximum(values * np.float32(math.log(2.0) / max(middle, 1e-30)), np.float32(1e-30))
+    return (-np.expm1(-ratio) / ratio) ** np.float32(COMPRESSIVE_POWER)
 
 
 @compiled.entry(error_model="numpy")
-def _weigh(table, valid, offset, first, volume, middle, power, folded, weights, values):
+def _weigh(table, compressed, valid, offset, first, volume, folded, weights, values):
     """Fills weights and values (n,); returns what folding leaves of the objective whatever the model."""
     constant = 0.0
-    scale = max(middle, 1e-30)
     for row in range(table.shape[0]):
         for j in range(offset[row], offset[row + 1]):
             azimuth = first[row] + j - offset[row]
@@ -198,7 +195,7 @@ def _weigh(table, valid, offset, first, volume, middle, power, folded, weights, 
                 k = azimuth if side == 0 else table.shape[1] - 1 - azimuth
                 if valid[row, k]:
                     z = table[row, k]
-                    own = volume[j] * compressive_weight(z, scale, power)
+                    own = volume[j] * compressed[row, k]
                     w, wz, wzz = w + own, wz + own * z, wzz + own * z * z
             weights[j] = w
             values[j] = wz / w if w > 0 else 0.0

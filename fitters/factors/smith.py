@@ -62,7 +62,10 @@ def _interpolation(theta: Array, weights: Array) -> Array:
     position = np.interp(theta.ravel(), centres, np.arange(SHAPE[0]))
     low = np.minimum(position.astype(int), SHAPE[0] - 2)
     part, flat = position - low, weights.ravel()
-    return np.bincount(low, flat * (1 - part), SHAPE[0]) + np.bincount(low + 1, flat * part, SHAPE[0])
+    coefficients = np.zeros(SHAPE[0])
+    np.add.at(coefficients, low, flat * (1 - part))
+    np.add.at(coefficients, low + 1, flat * part)
+    return coefficients
 
 
 def _norm() -> Array:

@@ -14,7 +14,7 @@ from fitters.factors.smith import smith
 
 SWEEPS = 10
 """Rounds of alternation on D and F before a descent."""
-STRIDE = 5
+STRIDE = 15
 """A descent of independent-G and G-from-D begins on every so many-th azimuth."""
 COARSE_STEPS, FINE_STEPS, TOLERANCE = 100, 60, 1e-4
 SHAKES, SHAKE, SHAKE_SEED = 2, 1.0, 1910

@@ -68,7 +68,8 @@ def shifted_gamma(samples: Samples) -> Channel:
         for alpha in (0.01, 0.1, 0.5)
     ]  # fmt: skip
     best = min(found, key=lambda f: f.cost).x
-    return Channel(0.0, 1.0, _sgd_d(best), _sgd_f(best), _sgd_g(best, np.arange(NODES, dtype=np.float64))).clamped()
+    g = _sgd_g(best, np.arange(NODES, dtype=np.float64))
+    return Channel(0.0, 1.0, _sgd_d(best), _sgd_f(best), g).clamped()
 
 
 def _sgd_d(x: Array) -> Array:
@@ -87,7 +88,8 @@ def _sgd_f(x: Array) -> Array:
 def _sgd_g(x: Array, degrees: Array) -> Array:
     theta0, c, k, strength = x[4], np.exp(x[5]), x[6], x[7]
     beyond = np.maximum(np.radians(degrees) - theta0, 0.0)
-    return np.clip(1 + strength * -np.expm1(c * beyond**k), FLOOR, 1.0)
+    fall = np.expm1(np.minimum(c * beyond**k, 50.0))
+    return np.clip(1 - strength * fall, FLOOR, 1.0)
 
 
 def starts(g_from_d: Start) -> Mapping[str, Start]:
