@@ -109,7 +109,10 @@ def _warmed(samples: Samples, start: Channel) -> Channel:
 def _alternated(known: Sums, start: Channel) -> Channel:
     begin = start.clamped()
     rho_d, rho_s, d, f = alternate(known, begin.d, begin.f, SWEEPS)
-    return Channel(rho_d, rho_s, d, f, begin.g)
+    if rho_s <= 0:
+        # The start's lobe explains nothing: a flat one does, or is at least there to be changed.
+        rho_d, rho_s, d, f = alternate(known, np.ones_like(begin.d), np.ones_like(begin.f), SWEEPS)
+    return Channel(rho_d, rho_s or 1e-3 * max(rho_d, 1e-6), d, f, begin.g)
 
 
 def _solved(problem: LogProblem, end: Descent, channel: Channel) -> Solved:

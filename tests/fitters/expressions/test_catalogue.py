@@ -110,6 +110,58 @@ def dielectric(g, kd, ks, alpha, beta):
     return kd * r_d + s_1 * s_2
 
 
+def abc(g, kd, a, b, c, eta):
+    """Low et al. 2012, their microfacet model; Fresnel's equations themselves for its reflectance."""
+    theta_i = np.arccos(g.vh)
+    theta_t = np.arcsin(np.sin(theta_i) / eta)
+    r_s = (np.cos(theta_i) - eta * np.cos(theta_t)) / (np.cos(theta_i) + eta * np.cos(theta_t))
+    r_p = (np.cos(theta_t) - eta * np.cos(theta_i)) / (np.cos(theta_t) + eta * np.cos(theta_i))
+    ndf = a / (1 + b * (1 - g.nh)) ** c
+    return (kd + ndf * (r_s**2 + r_p**2) / 2 * v_cavity(g) / (g.nl * g.nv)) / PI
+
+
+def sgd(g, kd, normal, between, grazing, alpha, p_and_1, depth, width, k, elevation):
+    """Bagher et al. 2012 in their own symbols, with K rho_s / pi^2 as the scale."""
+    f0, f1, c, theta_0 = between / grazing, (between - normal) / grazing, width**-k, PI / 2 - elevation
+    x = alpha + np.tan(g.delta) ** 2 / alpha
+    ndf = np.exp(-x) / x ** (p_and_1 - 1) / np.cos(g.delta) ** 4
+
+    def shadowing(theta):
+        with np.errstate(over="ignore"):
+            return np.clip(1 + depth * (1 - np.exp(c * np.maximum(0, theta - theta_0) ** k)), 0, 1)
+
+    fresnel = f0 - f1 * g.vh + (1 - f0) * (1 - g.vh) ** 5
+    return kd / PI + grazing * fresnel * ndf * shadowing(g.theta_i) * shadowing(g.theta_o) / (g.nl * g.nv)
+
+
+def disney_diffuse(g, base, roughness):
+    """Burley 2012, section 5.3."""
+    f_d90 = 0.5 + 2 * roughness * g.vh**2
+    return base / PI * (1 + (f_d90 - 1) * (1 - g.nl) ** 5) * (1 + (f_d90 - 1) * (1 - g.nv) ** 5)
+
+
+def smith(theta, alpha):
+    """G1 of Walter et al. 2007, eq. 34."""
+    return 2 / (1 + np.sqrt(1 + alpha**2 * np.tan(theta) ** 2))
+
+
+def disney_specular(g, base, roughness, ks, r0):
+    """Burley 2012, sections 5.4 to 5.6 and its eq. 8 (GTR with gamma = 2)."""
+    alpha = roughness**2
+    ndf = alpha**2 / (PI * (np.cos(g.delta) ** 2 * alpha**2 + np.sin(g.delta) ** 2) ** 2)
+    rougher = (0.5 + roughness / 2) ** 2
+    shadowing = smith(g.theta_i, rougher) * smith(g.theta_o, rougher)
+    return disney_diffuse(g, base, roughness) + ks * schlick(r0, g.vh) * ndf * shadowing / (4 * g.nl * g.nv)
+
+
+def disney_clearcoat(g, base, roughness, ks, r0, strength, alpha):
+    """GTR with gamma = 1, its normalisation undone, for the index of refraction 1.5."""
+    ndf = (alpha**2 - 1) / (PI * np.log(alpha**2) * (alpha**2 * np.cos(g.delta) ** 2 + np.sin(g.delta) ** 2))
+    ndf *= PI * np.log(alpha**2) / (alpha**2 - 1)
+    coat = schlick(((1.5 - 1) / (1.5 + 1)) ** 2, g.vh) * smith(g.theta_i, 0.25) * smith(g.theta_o, 0.25)
+    return disney_specular(g, base, roughness, ks, r0) + strength * ndf * coat / (4 * g.nl * g.nv)
+
+
 BY_HAND = {
     "lambert": lambert,
     "phong": phong,
@@ -122,11 +174,16 @@ BY_HAND = {
     "oren-nayar": oren_nayar,
     "genbrdf-metal": metal,
     "genbrdf-dielectric": dielectric,
+    "abc": abc,
+    "sgd": sgd,
+    "disney-diffuse": disney_diffuse,
+    "disney-specular": disney_specular,
+    "disney-clearcoat": disney_clearcoat,
 }
 
 
 def random_parameters(rng, name):
-    """Values (4,) inside the catalogue's ranges, in the usual part of them."""
+    """Values inside the catalogue's ranges, in the usual part of them."""
     values = []
     for parameter in CATALOGUE[name].parameters:
         low, high = max(parameter.low, 1e-2), min(parameter.high, 20.0)

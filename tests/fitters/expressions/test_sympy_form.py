@@ -13,7 +13,7 @@ from fitters.expressions.evaluation import evaluate_features, features
 from fitters.expressions.sympy_form import from_sympy, to_sympy
 from tests.random_expressions import random_directions, random_features, random_tree
 
-PARAMETERS = {"p0": 0.3, "p1": 1.7, "p2": 0.4, "p3": 0.2}
+PARAMETERS = {f"p{i}": value for i, value in enumerate((0.3, 1.7, 0.4, 0.2, 1.5, 0.1, 2.0, 1.2, 5.0, 1.1))}
 
 
 def lambdified(form, seen, parameters):
