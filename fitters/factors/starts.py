@@ -37,6 +37,8 @@ def slices(samples: Samples) -> Channel:
 
 
 SGD_SAMPLES = 3000
+LEAST_G = 0.01
+"""Of the tabulated start: from nothing, G would not rise again."""
 _SGD_LOW = np.array([np.log(1e-3), 0.1, 0.0, -2.0, 0.0, np.log(1e-6), 0.5, 0.0])
 _SGD_HIGH = np.array([np.log(2.0), 3.0, 1.0, 2.0, 1.5, np.log(1e3), 50.0, 5.0])
 
@@ -89,7 +91,7 @@ def _sgd_g(x: Array, degrees: Array) -> Array:
     theta0, c, k, strength = x[4], np.exp(x[5]), x[6], x[7]
     beyond = np.maximum(np.radians(degrees) - theta0, 0.0)
     fall = np.expm1(np.minimum(c * beyond**k, 50.0))
-    return np.clip(1 - strength * fall, FLOOR, 1.0)
+    return np.clip(1 - strength * fall, LEAST_G, 1.0)
 
 
 def starts(g_from_d: Start) -> Mapping[str, Start]:
