@@ -68,33 +68,56 @@ def _clamped(top: Array, bottom: Array, old: Array, floor: float) -> Array:
     return np.maximum(best, floor * max(float(best.max()), 1e-300))
 
 
-def shadowing_shape(samples: Samples, g: Array) -> Array:
-    """p = G_i G_o / (cos theta_i cos theta_o) (n,) of the microfacet model, `g` (90,) at the nodes."""
-    at = samples.geometry
-    rise = np.diff(g, append=g[-1])
-    g_i = g[at.node_i] + at.part_i * rise[at.node_i]
-    g_o = g[at.node_o] + at.part_o * rise[at.node_o]
-    return g_i * g_o / at.cosines
+def shadowed_sums(samples: Samples, g: Array) -> Sums:
+    """The sums for p = G_i G_o / (cos theta_i cos theta_o) of the microfacet model, `g` (90,) at the nodes."""
+    at, out = samples.geometry, np.empty((6, SHAPE[0] * SHAPE[1]))
+    _sum_shadowed(
+        g, at.offset, at.node_i, at.node_o, at.part_i, at.part_o, at.cosines, samples.weights, samples.values, out
+    )
+    return Sums(*out.reshape(6, SHAPE[0], SHAPE[1]))
 
 
-def sums(samples: Samples, shape: Array) -> Sums:
-    """The sums for a shape p (n,)."""
+def azimuthal_sums(samples: Samples, h: Array) -> Sums:
+    """The sums for p = H(phi_diff) of the naive model, `h` (k,) at the samples' azimuths."""
     out = np.empty((6, SHAPE[0] * SHAPE[1]))
-    _sum(samples.geometry.offset, samples.weights, samples.values, shape, out)
+    _sum_azimuths(h, samples.geometry.offset, samples.geometry.first, samples.weights, samples.values, out)
     return Sums(*out.reshape(6, SHAPE[0], SHAPE[1]))
 
 
 @compiled.entry(fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
-def _sum(offset, weights, values, shape, out):
+def _sum_shadowed(g, offset, node_i, node_o, part_i, part_o, cosines, weights, values, out):
     for row in range(len(offset) - 1):
         s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(offset[row], offset[row + 1]):
-            w, p, z = weights[j], shape[j], values[j]
+            a, b = node_i[j], node_o[j]
+            g_i = g[a] + part_i[j] * (g[a + 1] - g[a])
+            g_o = g[b] + part_o[j] * (g[b + 1] - g[b])
+            p = g_i * g_o / cosines[j]
+            w, z = weights[j], values[j]
+            wp = w * p
             s0 += w
-            s1 += w * p
-            s2 += w * p * p
+            s1 += wp
+            s2 += wp * p
             s3 += w * z
-            s4 += w * p * z
+            s4 += wp * z
+            s5 += w * z * z
+        out[0, row], out[1, row], out[2, row] = s0, s1, s2
+        out[3, row], out[4, row], out[5, row] = s3, s4, s5
+
+
+@compiled.entry(fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
+def _sum_azimuths(h, offset, first, weights, values, out):
+    for row in range(len(offset) - 1):
+        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        shift = first[row // 90, row % 90] - offset[row]
+        for j in range(offset[row], offset[row + 1]):
+            w, p, z = weights[j], h[j + shift], values[j]
+            wp = w * p
+            s0 += w
+            s1 += wp
+            s2 += wp * p
+            s3 += w * z
+            s4 += wp * z
             s5 += w * z * z
         out[0, row], out[1, row], out[2, row] = s0, s1, s2
         out[3, row], out[4, row], out[5, row] = s3, s4, s5

@@ -11,7 +11,7 @@ from scipy.linalg import solveh_banded
 from scipy.ndimage import gaussian_filter1d
 
 from fitters import compiled
-from fitters.factors.alternation import FLOOR, Sums, shadowing_shape, sums
+from fitters.factors.alternation import FLOOR, Sums, azimuthal_sums, shadowed_sums
 from fitters.factors.channel import Channel
 from fitters.factors.samples import NODES, Samples
 from fitters.factors.smith import Smith
@@ -84,9 +84,16 @@ class _Model:
 
     def __init__(self, samples: Samples):
         self.samples = samples
+        self._last: tuple[Array, Sums] | None = None
 
     def sums(self, channel: Channel) -> Sums:
-        return sums(self.samples, shadowing_shape(self.samples, channel.g))
+        """The sums for a channel's third factor; those of the last one are remembered."""
+        if self._last is None or not np.array_equal(self._last[0], channel.g):
+            self._last = (channel.g.copy(), self._sums(channel.g))
+        return self._last[1]
+
+    def _sums(self, g: Array) -> Sums:
+        return shadowed_sums(self.samples, g)
 
     def with_d(self, channel: Channel, d: Array) -> Channel:
         """The channel with another D, and all that follows from D."""
@@ -148,8 +155,8 @@ class _Naive(_Model):
         self.azimuth = np.arange(len(at)) - np.repeat(at.offset[:-1] - at.first.ravel(), np.diff(at.offset))
         self.row = np.repeat(np.arange(len(at.offset) - 1), np.diff(at.offset))
 
-    def sums(self, channel: Channel) -> Sums:
-        return sums(self.samples, channel.g[self.azimuth])
+    def _sums(self, g: Array) -> Sums:
+        return azimuthal_sums(self.samples, g)
 
     def last(self, course: _Course) -> None:
         """H by eq. 14."""

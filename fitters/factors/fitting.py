@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fitters.errors import FittersError
 from fitters.factors import solving
-from fitters.factors.alternation import sums
+from fitters.factors.alternation import azimuthal_sums
 from fitters.factors.channel import Channel
 from fitters.factors.samples import Samples, samples
 from fitters.factors.solving import Solved
@@ -96,7 +96,7 @@ def fit_bivariate(material: Material) -> FactorFit:
     began = time.perf_counter()
     table, objective = np.zeros((*SHAPE[:2], 3)), []
     for c, channel in enumerate(samples(material)):
-        known = sums(channel, np.ones(len(channel.geometry), np.float32))
+        known = azimuthal_sums(channel, np.ones(channel.geometry.phi.size))
         sampled = known.w > 0
         table[..., c] = _carried(known.wz / np.where(sampled, known.w, 1.0), sampled)
         left = known.wzz - np.where(sampled, known.wz, 0.0) ** 2 / np.where(sampled, known.w, 1.0)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitters.factors import awls
-from fitters.factors.alternation import Sums, alternate, shadowing_shape, sums
+from fitters.factors.alternation import Sums, alternate, azimuthal_sums, shadowed_sums
 from fitters.factors.channel import Channel, seen
 from fitters.factors.descent import Descent, LogProblem, descend
 from fitters.factors.problems import GFromD, IndependentG, Naive
@@ -74,7 +74,7 @@ def descend_g_from_d(samples: Samples, start: Channel) -> Solved:
 def descend_naive(samples: Samples, start: Channel) -> Solved:
     """Eq. 4, on samples that are not folded."""
     flat = replace(start, g=np.ones(samples.geometry.phi.size))
-    known = sums(samples, np.ones(len(samples.geometry), np.float32))
+    known = azimuthal_sums(samples, flat.g)
     problem = Naive(samples)
     last = descend(problem, _alternated(known, flat).unknowns(), iterations=COARSE_STEPS, tolerance=TOLERANCE)
     return _solved(problem, last, Channel.of_unknowns(last.x))
@@ -103,7 +103,7 @@ def alternate_naive(samples: Samples, start: Channel) -> Solved:
 def _warmed(samples: Samples, start: Channel) -> Channel:
     """The start after rounds of linear steps on D and F, which leave places where a descent would stay."""
     begin = start.clamped()
-    return _alternated(sums(samples, shadowing_shape(samples, begin.g)), begin)
+    return _alternated(shadowed_sums(samples, begin.g), begin)
 
 
 def _alternated(known: Sums, start: Channel) -> Channel:

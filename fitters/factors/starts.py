@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from scipy.optimize import least_squares
 
-from fitters.factors.alternation import FLOOR, sums
+from fitters.factors.alternation import FLOOR, azimuthal_sums
 from fitters.factors.channel import Channel
 from fitters.factors.samples import NODES, Samples
 from fitters.grid import Array, bin_centres
@@ -30,13 +30,13 @@ def _random(number: int) -> Start:
 
 def slices(samples: Samples) -> Channel:
     """D as the retro-reflective slice (theta_diff = 0), F as the slice of theta_half = 0, G = 1."""
-    known = sums(samples, np.ones(len(samples.geometry), np.float32))
+    known = azimuthal_sums(samples, np.ones(samples.geometry.phi.size))
     mean = known.wz / np.maximum(known.w, 1e-300)
     d, f = mean[:, 0], mean[0]
     return Channel(0.0, 1.0, np.maximum(d, FLOOR * d.max()), np.maximum(f, FLOOR * f.max()), np.ones(NODES))
 
 
-SGD_SAMPLES = 3000
+SGD_SAMPLES = 1500
 LEAST_G = 0.01
 """Of the tabulated start: from nothing, G would not rise again."""
 _SGD_LOW = np.array([np.log(1e-3), 0.1, 0.0, -2.0, 0.0, np.log(1e-6), 0.5, 0.0])
@@ -67,7 +67,7 @@ def shifted_gamma(samples: Samples) -> Channel:
     found = [
         least_squares(residual, [np.log(alpha), 0.5, 0.1, 0.0, 0.3, 0.0, 5.0, 0.5], bounds=(_SGD_LOW, _SGD_HIGH),
                       x_scale=_SGD_HIGH - _SGD_LOW, max_nfev=15)
-        for alpha in (0.01, 0.1, 0.5)
+        for alpha in (0.02, 0.2)
     ]  # fmt: skip
     best = min(found, key=lambda f: f.cost).x
     g = _sgd_g(best, np.arange(NODES, dtype=np.float64))
