@@ -38,7 +38,7 @@ def integrate(light: EnvironmentMap, normals: Array) -> Array:
 @compiled.entry()
 def _gather(normals: Array, directions: Array, emission: Array, table: Array) -> None:
     """Add `emission` (texels, 3) from `directions` (texels, 3) to `table` (CELLS, 3) for all normals."""
-    frames, cos_diff, diff_bins = _half_frames(directions)
+    frames, cos_diff, diff_bins = half_frames(directions)
     for p in range(normals.shape[0]):
         nx, ny, nz = normals[p]
         for t in range(directions.shape[0]):
@@ -49,14 +49,14 @@ def _gather(normals: Array, directions: Array, emission: Array, table: Array) ->
             # w_i in the tangent frame at the half vector, both components times sin(theta_half).
             x = cos_diff[t] * cos_half - cos_i
             y = nx * frames[t, 3] + ny * frames[t, 4] + nz * frames[t, 5]
-            cell = _cell(math.acos(min(cos_half, 1.0)), diff_bins[t], math.atan2(y, x))
+            cell = cell_of(math.acos(min(cos_half, 1.0)), diff_bins[t], math.atan2(y, x))
             table[cell, 0] += emission[t, 0] * cos_i
             table[cell, 1] += emission[t, 1] * cos_i
             table[cell, 2] += emission[t, 2] * cos_i
 
 
 @njit
-def _half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+def half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     """What a texel shares among all pixels: half vector h and h x w_i (texels, 6), cos(theta_diff), bin."""
     count = directions.shape[0]
     frames, cos_diff, bins = np.zeros((count, 6)), np.zeros(count), np.zeros(count, np.int64)
@@ -73,7 +73,7 @@ def _half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
 
 
 @njit
-def _cell(theta_half: float, diff_bin: int, phi_diff: float) -> int:
+def cell_of(theta_half: float, diff_bin: int, phi_diff: float) -> int:
     """As `fitters.grid.cell_index`, the theta_diff bin given; phi_diff in [-pi, pi] is folded modulo pi."""
     half_bin = min(int(math.sqrt(theta_half / (math.pi / 2)) * SHAPE[0]), SHAPE[0] - 1)
     if phi_diff < 0.0:

@@ -118,7 +118,7 @@ def fitted_values(posed, x):
 
 def test_a_material_without_a_sample_is_refused(plastic):
     valid = np.zeros(SHAPE, np.bool_)
-    valid[80, 80, 90] = True
+    valid[89, 89, 90] = True
     lonely = replace(plastic, name="lonely", valid=valid, table=np.zeros_like(plastic.table))
     with pytest.raises(FittersError, match="lonely: no valid cell has both directions within 89 degrees"):
         samples(lonely)
