@@ -1,17 +1,33 @@
 """Reference fits by name: how well a material can be explained by what is no formula found by search."""
 
 from fitters.baselines.fitted import Fitted
-from fitters.baselines.judging import BaselineJob, Judged, judge, judge_baseline
-from fitters.baselines.names import KINDS, TABULATED, fit_baseline, of_anisotropic
+from fitters.baselines.formulas import formula_model
+from fitters.baselines.judging import (
+    COSINE,
+    BaselineJob,
+    Judged,
+    judge,
+    judge_anisotropic,
+    judge_at,
+    judge_baseline,
+)
+from fitters.baselines.names import ANISOTROPIC, FACTORS, KINDS, TABULATED, fit_baseline, of_anisotropic, unknown
 
 __all__ = [
+    "ANISOTROPIC",
+    "COSINE",
+    "FACTORS",
     "KINDS",
     "TABULATED",
     "BaselineJob",
     "Fitted",
     "Judged",
     "fit_baseline",
+    "formula_model",
     "judge",
+    "judge_anisotropic",
+    "judge_at",
     "judge_baseline",
     "of_anisotropic",
+    "unknown",
 ]

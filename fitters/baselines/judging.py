@@ -5,10 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.baselines.names import fit_baseline
-from fitters.fits.metrics import METRICS
-from fitters.fits.problem import CHANNELS, FitProblem, weighted_target
+from fitters.fits.metrics import METRICS, Metric
+from fitters.fits.problem import CHANNELS, FitProblem, Source, weighted_target
 from fitters.grid import cell_directions
+from fitters.materials import AnisotropicMaterial
+from fitters.materials.utia import sample_directions
 from fitters.models import Model
+
+PerChannel = tuple[float, float, float]
+
+COSINE = Metric("cosine", lambda cosines, measured: cosines, normalised=True)
+"""What anisotropic measurements are judged by."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,7 @@ class BaselineJob:
 class Judged:
     """A baseline fitted to one material: errors per channel by metric, size, seconds, cost, warnings."""
 
-    errors: dict[str, tuple[float, float, float]]
+    errors: dict[str, PerChannel]
     floats: int
     fit_seconds: float
     cost_ns: float
@@ -38,16 +45,36 @@ def judge_baseline(problem: FitProblem, job: BaselineJob) -> Judged:
     return Judged(errors, model.floats, model.fit_seconds, model.cost_ns(), fitted.warnings)
 
 
-def judge(problem: FitProblem, material: int, model: Model) -> dict[str, tuple[float, float, float]]:
+def judge(problem: FitProblem, material: int, model: Model) -> dict[str, PerChannel]:
     """Errors (red, green, blue) of a model of one material over all cells of a problem, by every metric."""
+    return judge_at(problem.source, material, model)
+
+
+def judge_at(source: Source, material: int, model: Model) -> dict[str, PerChannel]:
+    """As `judge`, of which only the cells, the light and the material are needed."""
     w_i, w_o = cell_directions()
-    index = problem.source.index
-    values = model.evaluate(w_i[index], w_o[index])
+    values = model.evaluate(w_i[source.index], w_o[source.index])
     errors = {}
     for name, metric in METRICS.items():
         channels = []
         for c in range(len(CHANNELS)):
-            weights, targets = weighted_target(problem.source, metric, len(CHANNELS) * material + c)
+            weights, targets = weighted_target(source, metric, len(CHANNELS) * material + c)
             channels.append(float(np.linalg.norm(weights * values[:, c] - targets)))
         errors[name] = (channels[0], channels[1], channels[2])
     return errors
+
+
+def judge_anisotropic(material: AnisotropicMaterial, model: Model) -> PerChannel:
+    """|| cos_i cos_o (f - m) || / || cos_i cos_o m || of each channel over the samples of a measurement.
+
+    No light table holds anisotropic cells; the cosines count a sample by what a patch sends and receives. A
+    channel that is 0 throughout has || cos_i cos_o f || / || cos_i cos_o || instead, as with any metric.
+    """
+    w_i, w_o = sample_directions()
+    cosines = w_i[:, 2] * w_o[:, 2]
+    values = model.evaluate(w_i, w_o)
+    red, green, blue = (
+        float(np.linalg.norm(cosines * (values[:, c] - measured)) / COSINE.scale(cosines, measured))
+        for c, measured in enumerate(material.table.reshape(len(CHANNELS), -1).astype(np.float64))
+    )
+    return red, green, blue

@@ -2,6 +2,8 @@
 
 import difflib
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from fitters import factors, power_iterations
@@ -9,18 +11,32 @@ from fitters.baselines.fitted import Fitted
 from fitters.errors import FittersError
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.factors import FactorFit
-from fitters.materials import Material
-from fitters.materials.utia import AnisotropicMaterial
+from fitters.factors.fitting import Solver
+from fitters.materials import AnisotropicMaterial, Material
 from fitters.models import FormulaModel, MeasuredTable, Model
 from fitters.power_iterations import Extraction
 
+ANISOTROPIC = "power-iterations-anisotropic"
+"""The one that also takes anisotropic measurements, see `of_anisotropic`."""
+
+FACTORS: Mapping[str, Callable[..., FactorFit]] = {
+    "npf-independent-g": factors.fit_independent_g,
+    "npf-g-from-d": factors.fit_g_from_d,
+    "npf-naive": factors.fit_naive,
+}
+"""The factor models that either solver fits."""
+
+
+def _solved(name: str, solver: Solver, material: Material) -> Fitted:
+    fitted = _of_factors(FACTORS[name](material, solver=solver))
+    return replace(fitted, details={"solver": solver, **fitted.details})
+
+
 TABULATED: Mapping[str, Callable[[Material], Fitted]] = {
     "bivariate": lambda material: _of_factors(factors.fit_bivariate(material)),
-    "npf-independent-g": lambda material: _of_factors(factors.fit_independent_g(material)),
-    "npf-g-from-d": lambda material: _of_factors(factors.fit_g_from_d(material)),
-    "npf-naive": lambda material: _of_factors(factors.fit_naive(material)),
+    **{name: partial(_solved, name, "joint") for name in FACTORS},
     "power-iterations": lambda material: _of_extraction(power_iterations.extract(material)),
-    "power-iterations-anisotropic": lambda material: of_anisotropic(material),
+    ANISOTROPIC: lambda material: of_anisotropic(material),
 }
 
 KINDS: Mapping[str, type[Model]] = {
@@ -39,14 +55,26 @@ KINDS: Mapping[str, type[Model]] = {
 """What a saved file may hold."""
 
 
-def fit_baseline(name: str, material: Material) -> Fitted:
-    """The baseline of that name, fitted to a material. Raises `FittersError` with the nearest name."""
+def fit_baseline(name: str, material: Material, *, solver: Solver | None = None) -> Fitted:
+    """The baseline of that name, fitted to a material; `solver` is joint or awls, for those of `FACTORS`.
+
+    Raises `FittersError` with the nearest name, or for a solver that this baseline does not take.
+    """
     if name not in TABULATED:
-        known = (*TABULATED, *CATALOGUE)
-        near = difflib.get_close_matches(name, known, 1)
-        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
-        raise FittersError(f"no baseline {name!r}: {hint}")
-    return TABULATED[name](material)
+        raise unknown(name)
+    if solver is None:
+        return TABULATED[name](material)
+    if name not in FACTORS:
+        raise FittersError(f"{name} has one way of being fitted: a solver is chosen for {', '.join(FACTORS)} only")
+    return _solved(name, solver, material)
+
+
+def unknown(name: str) -> FittersError:
+    """The error that names the baseline or published formula nearest to `name`."""
+    known = (*CATALOGUE, *TABULATED)
+    near = difflib.get_close_matches(name, known, 1)
+    hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
+    return FittersError(f"no formula or baseline {name!r}: {hint}")
 
 
 def of_anisotropic(material: Material | AnisotropicMaterial) -> Fitted:

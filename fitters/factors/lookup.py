@@ -11,10 +11,19 @@ _COS_LIMIT = math.cos(math.radians(89.0))
 
 
 @njit(error_model="numpy")
+def _lit(w_i, w_o):
+    """Whether both directions lie above the horizon; a NaN in one is no direction and finds no table's entry."""
+    return w_i[2] > 0.0 and w_o[2] > 0.0 and math.isfinite(w_i[0] + w_i[1] + w_o[0] + w_o[1])
+
+
+@njit(error_model="numpy")
 def _half_diff(w_i, w_o):
     """theta_half bin, theta_diff bin, and the half vector (x, y, z) of one pair of directions."""
     x, y, z = w_i[0] + w_o[0], w_i[1] + w_o[1], w_i[2] + w_o[2]
     length = math.sqrt(x * x + y * y + z * z)
+    if length < 1e-12:
+        # Opposite directions along the horizon: any half vector will do.
+        return 0, 89, 0.0, 0.0, 1.0
     x, y, z = x / length, y / length, z / length
     theta_half = math.atan2(math.hypot(x, y), z)
     theta_diff = math.acos(min(0.5 * length, 1.0))
@@ -45,10 +54,10 @@ def _node(cosine):
 def microfacet(w_i, w_o, rho_d, rho_s, d, f, g, values):
     """Eq. 3 into values (n, 3). Beyond 89 degrees, where nothing was fitted, G and the cosine are those at 89."""
     for j in range(len(w_i)):
-        cos_i, cos_o = w_i[j, 2], w_o[j, 2]
-        if cos_i <= 0.0 or cos_o <= 0.0:
+        if not _lit(w_i[j], w_o[j]):
             values[j] = 0.0
             continue
+        cos_i, cos_o = w_i[j, 2], w_o[j, 2]
         h, t, _, _, _ = _half_diff(w_i[j], w_o[j])
         a, part_a = _node(cos_i)
         b, part_b = _node(cos_o)
@@ -63,7 +72,7 @@ def microfacet(w_i, w_o, rho_d, rho_s, d, f, g, values):
 def naive(w_i, w_o, rho_d, rho_s, d, f, h, values):
     """Eq. 4 into values (n, 3)."""
     for j in range(len(w_i)):
-        if w_i[j, 2] <= 0.0 or w_o[j, 2] <= 0.0:
+        if not _lit(w_i[j], w_o[j]):
             values[j] = 0.0
             continue
         k, t, x, y, z = _half_diff(w_i[j], w_o[j])
@@ -76,7 +85,7 @@ def naive(w_i, w_o, rho_d, rho_s, d, f, h, values):
 def bivariate(w_i, w_o, table, values):
     """Eq. 5 into values (n, 3)."""
     for j in range(len(w_i)):
-        if w_i[j, 2] <= 0.0 or w_o[j, 2] <= 0.0:
+        if not _lit(w_i[j], w_o[j]):
             values[j] = 0.0
             continue
         h, t, _, _, _ = _half_diff(w_i[j], w_o[j])

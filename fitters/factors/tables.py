@@ -7,6 +7,7 @@ import numpy as np
 from fitters.errors import FittersError
 from fitters.factors import lookup
 from fitters.grid import SHAPE, Array
+from fitters.models.directions import rows
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
 
@@ -58,7 +59,7 @@ class MicrofacetFactors(_Tables):
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
         values = np.empty((len(w_i), 3))
-        lookup.microfacet(*map(np.ascontiguousarray, (w_i, w_o)), *self._arrays.values(), values)
+        lookup.microfacet(rows(w_i), rows(w_o), *self._arrays.values(), values)
         return values
 
 
@@ -80,7 +81,7 @@ class NaiveFactors(_Tables):
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
         values = np.empty((len(w_i), 3))
-        lookup.naive(*map(np.ascontiguousarray, (w_i, w_o)), *self._arrays.values(), values)
+        lookup.naive(rows(w_i), rows(w_o), *self._arrays.values(), values)
         return values
 
 
@@ -92,5 +93,5 @@ class BivariateTable(_Tables):
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
         values = np.empty((len(w_i), 3))
-        lookup.bivariate(*map(np.ascontiguousarray, (w_i, w_o)), self["B"], values)
+        lookup.bivariate(rows(w_i), rows(w_o), self["B"], values)
         return values

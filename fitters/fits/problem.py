@@ -132,6 +132,15 @@ def fit_problem(
 
     `sample_cells` and `fine_cells` cells are drawn with `seed`; where there are fewer, a sample is all.
     """
+    source = lit_source(materials, light)
+    full = full_cells(source, METRICS[metric])
+    key = cache.digest(metric, sample_cells, fine_cells, seed, light.sha256, *(m.sha256 for m in materials))
+    fine, coarse = sample(full, fine_cells, seed), sample(full, sample_cells, seed)
+    return FitProblem(source, METRICS[metric], full, fine, coarse, key)
+
+
+def lit_source(materials: Sequence[Material], light: LightTable) -> Source:
+    """The cells that materials (not empty, names distinct) and a light cover. Raises `FittersError`."""
     names = tuple(material.name for material in materials)
     if not names or len(set(names)) < len(names):
         raise FittersError(f"materials: {len(names)} given, {len(set(names))} different names; name each once")
@@ -142,11 +151,7 @@ def fit_problem(
     for material in materials:
         if not np.any(material.valid.ravel()[index]):
             raise FittersError(f"{material.name}: the scene lights none of its cells; choose another light")
-    source = Source(tuple(materials), light, index)
-    full = full_cells(source, METRICS[metric])
-    key = cache.digest(metric, sample_cells, fine_cells, seed, light.sha256, *(m.sha256 for m in materials))
-    fine, coarse = sample(full, fine_cells, seed), sample(full, sample_cells, seed)
-    return FitProblem(source, METRICS[metric], full, fine, coarse, key)
+    return Source(tuple(materials), light, index)
 
 
 def full_cells(source: Source, metric: Metric) -> Cells:

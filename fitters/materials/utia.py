@@ -6,6 +6,7 @@ index 48 i + j for theta = 15 i degrees and phi = 7.5 j degrees. The numbers are
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numba import njit
@@ -82,6 +83,16 @@ def load(file: MaterialFile) -> AnisotropicMaterial:
         raise FittersError(f"{file.name}: no sample lies above 0: it holds no measurement. Fetch it again.")
     samples.flags.writeable = False
     return AnisotropicMaterial(file.stem, samples, "UTIA format", file.sha256, (red, green, blue))
+
+
+@cache
+def sample_directions() -> tuple[Array, Array]:
+    """Unit w_i and w_o (82944, 3) of the samples, in the order of a channel's table."""
+    theta, phi = np.arange(ELEVATIONS) * THETA_STEP, np.arange(AZIMUTHS) * PHI_STEP
+    sine, cosine = np.repeat(np.sin(theta), AZIMUTHS), np.repeat(np.cos(theta), AZIMUTHS)
+    azimuth = np.tile(phi, ELEVATIONS)
+    w = np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
+    return np.repeat(w, len(w), axis=0), np.tile(w, (len(w), 1))
 
 
 @njit

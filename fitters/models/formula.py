@@ -5,8 +5,10 @@ from functools import cached_property
 import numpy as np
 
 from fitters.engine.cost import cost_ns
+from fitters.errors import FittersError
 from fitters.expressions import Expression, evaluate, parse, to_text
 from fitters.grid import Array
+from fitters.models.directions import both_above, rows
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
 
@@ -21,7 +23,12 @@ class FormulaModel(HalfVectorSampling, Model):
 
     def __init__(self, expression: Expression, parameters: Array):
         self.expression = expression
-        self.parameters = np.asarray(parameters, np.float64).reshape(3, len(expression.parameters))
+        self.parameters = np.asarray(parameters, np.float64)
+        if self.parameters.shape != (3, len(expression.parameters)):
+            raise FittersError(
+                f"{to_text(expression)} takes parameters (3, {len(expression.parameters)}), one row a channel, "
+                f"not {self.parameters.shape}"
+            )
 
     @property
     def floats(self) -> int:
@@ -37,7 +44,8 @@ class FormulaModel(HalfVectorSampling, Model):
         return bool(np.all(np.abs(forth - back) <= RECIPROCITY * np.maximum(forth, back)))
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
-        above = (w_i[:, 2] > 0) & (w_o[:, 2] > 0)
+        w_i, w_o = rows(w_i), rows(w_o)
+        above = both_above(w_i, w_o)
         values = np.zeros((len(w_i), 3))
         for channel in range(3):
             given = dict(zip(self.expression.parameters, self.parameters[channel].tolist(), strict=True))

@@ -1,7 +1,7 @@
 """Directions sampled for any isotropic model: a tabulated distribution of half vectors, mixed with a cosine lobe.
 
-Over theta_half the distribution follows the model's own highlight, as Walter et al. 2007 (section 5.2) do with
-a formula's; what reflects without a highlight is left to the cosine lobe.
+The distribution over theta_half follows the model's own highlight, as that of Walter et al. 2007 (section 5.2)
+follows a formula's; what reflects without a highlight is left to the cosine lobe, whose share depends on the view.
 """
 
 from dataclasses import dataclass
@@ -10,26 +10,35 @@ from typing import Protocol
 
 import numpy as np
 
-from fitters.grid import Array, directions
+from fitters.grid import Array
+from fitters.models.directions import rows
 
-BINS = 90
-LEAST_SHARE = 0.1
+BINS, VIEWS, AZIMUTHS = 90, 18, 24
+LEAST_SHARE = 0.05
 """Neither of the two ways of sampling is chosen more rarely than this."""
 
 _EDGES = (np.arange(BINS + 1) / BINS) ** 2 * (np.pi / 2)
 _SOLID_ANGLE = 2 * np.pi * -np.diff(np.cos(_EDGES))
+_VIEW_ANGLES = (np.arange(VIEWS) + 0.5) / VIEWS * (np.pi / 2)
 
 
 @dataclass(frozen=True, eq=False)
 class HalfVectorTable:
-    """`cosine`: share of the cosine lobe; `probability` (90,) of each theta_half bin, of the rest."""
+    """`cosine` (18,): share of the cosine lobe at views 2.5, 7.5, .. 87.5 degrees from the normal, linear between.
 
-    cosine: float
+    `probability` (90,): of each theta_half bin, of the rest.
+    """
+
+    cosine: Array
     probability: Array
+
+    def share(self, w_o: Array) -> Array:
+        """Of the cosine lobe (n,), at views (n, 3)."""
+        return np.interp(np.arccos(np.clip(w_o[:, 2], -1.0, 1.0)), _VIEW_ANGLES, self.cosine)
 
     def sample(self, w_o: Array, u: Array) -> Array:
         """Directions w_i (n, 3), also below the horizon."""
-        diffuse = u[:, 2] < self.cosine
+        diffuse = u[:, 2] < self.share(w_o)
         azimuth = 2 * np.pi * u[:, 1]
         cumulative = np.concatenate([[0.0], np.cumsum(self.probability)])
         # Uniform in cos(theta_half) within a bin.
@@ -43,14 +52,13 @@ class HalfVectorTable:
     def pdf(self, w_i: Array, w_o: Array) -> Array:
         """The density (n,) of `sample`, sr^-1."""
         half = w_i + w_o
-        length = np.linalg.norm(half, axis=-1)
         # Of h and -h, which reflect alike, the one above the horizon was sampled.
-        cos_h = np.abs(half[:, 2]) / np.maximum(length, 1e-300)
-        cos_d = length / 2
-        theta_h = np.arccos(np.minimum(cos_h, 1.0))
+        theta_h = np.arctan2(np.hypot(half[:, 0], half[:, 1]), np.abs(half[:, 2]))
+        cos_d = np.linalg.norm(half, axis=-1) / 2
         bins = np.minimum((np.sqrt(theta_h / (np.pi / 2)) * BINS).astype(int), BINS - 1)
         density = (self.probability / _SOLID_ANGLE)[bins] / np.maximum(4 * cos_d, 1e-12)
-        return self.cosine * np.maximum(w_i[:, 2], 0.0) / np.pi + (1 - self.cosine) * density
+        cosine = self.share(w_o)
+        return cosine * np.maximum(w_i[:, 2], 0.0) / np.pi + (1 - cosine) * density
 
 
 class Evaluating(Protocol):
@@ -63,10 +71,10 @@ class HalfVectorSampling:
     """Adds `sample` and `pdf` to a model that evaluates."""
 
     def sample(self, w_o: Array, u: Array) -> Array:
-        return self._half_vectors.sample(w_o, u)
+        return self._half_vectors.sample(rows(w_o), rows(u))
 
     def pdf(self, w_i: Array, w_o: Array) -> Array:
-        return self._half_vectors.pdf(w_i, w_o)
+        return self._half_vectors.pdf(rows(w_i), rows(w_o))
 
     @cached_property
     def _half_vectors(self) -> HalfVectorTable:
@@ -74,21 +82,31 @@ class HalfVectorSampling:
 
 
 def half_vector_table(model: Evaluating) -> HalfVectorTable:
-    """The table of an isotropic model, from its mean over channels and over a few difference angles."""
+    """The table of an isotropic model, from its mean over channels: views by half vectors of every bin."""
+    w_i, w_o, measure = _mirrored()
+    values = np.mean(model.evaluate(w_i, w_o), axis=1)
+    # Scaled, so that no sum of values overflows.
+    values = (values / (values.max() or 1.0)).reshape(measure.shape)
+    seen = (w_i[:, 2] > 0).reshape(measure.shape)
+    profile = values.sum(axis=(0, 2)) / np.maximum(seen.sum(axis=(0, 2)), 1)
+    base = float(profile[_EDGES[1:] < np.radians(60)].min())
+    highlight = np.sum(np.maximum(values - base, 0.0) * measure, axis=2)
+    reflected = highlight.sum(axis=1)
+    if not reflected.any():
+        return HalfVectorTable(np.full(VIEWS, 1 - LEAST_SHARE), _SOLID_ANGLE / _SOLID_ANGLE.sum())
+    cosine = np.clip(np.pi * base / (np.pi * base + reflected), LEAST_SHARE, 1 - LEAST_SHARE)
+    probability = highlight.T @ np.cos(_VIEW_ANGLES)
+    return HalfVectorTable(cosine, probability / probability.sum())
+
+
+def _mirrored() -> tuple[Array, Array, Array]:
+    """w_i and w_o (n, 3) for each view, theta_half bin and azimuth, and cos(theta_i) d omega_i (18, 90, 24)."""
+    azimuth = (np.arange(AZIMUTHS) + 0.5) / AZIMUTHS * np.pi
     theta_h = (_EDGES[1:] + _EDGES[:-1]) / 2
-    theta_d = np.radians([2.0, 15.0, 30.0, 45.0, 60.0])
-    phi_d = np.radians([45.0, 90.0, 135.0])
-    angles = np.meshgrid(theta_h, theta_d, phi_d, indexing="ij")
-    w_i, w_o = directions(*(angle.ravel() for angle in angles))
-    shape = (BINS, len(theta_d) * len(phi_d))
-    values = np.mean(model.evaluate(w_i, w_o), axis=1).reshape(shape)
-    seen = ((w_i[:, 2] > 0) & (w_o[:, 2] > 0)).reshape(shape)
-    profile = values.sum(axis=1) / np.maximum(seen.sum(axis=1), 1)
-    base = float(profile[theta_h < np.radians(60)].min())
-    # The light that a half vector's bin reflects: 4 cos(theta_d) cos(theta_i) d omega_h, about 4 cos(theta_h).
-    highlight = np.maximum(profile - base, 0.0) * np.cos(theta_h) * _SOLID_ANGLE
-    total, diffuse = 4 * float(highlight.sum()), np.pi * base
-    if total <= 0:
-        return HalfVectorTable(1 - LEAST_SHARE, _SOLID_ANGLE / _SOLID_ANGLE.sum())
-    cosine = float(np.clip(diffuse / (diffuse + total), LEAST_SHARE, 1 - LEAST_SHARE))
-    return HalfVectorTable(cosine, highlight / highlight.sum())
+    view, theta, phi = np.meshgrid(_VIEW_ANGLES, theta_h, azimuth, indexing="ij")
+    half = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
+    w_o = np.stack([np.sin(view), np.zeros_like(view), np.cos(view)], axis=-1)
+    cos_d = np.sum(half * w_o, axis=-1)
+    w_i = 2 * cos_d[..., None] * half - w_o
+    measure = np.maximum(w_i[..., 2], 0.0) * 4 * np.maximum(cos_d, 0.0) * (_SOLID_ANGLE[:, None] / AZIMUTHS)
+    return w_i.reshape(-1, 3), w_o.reshape(-1, 3), measure

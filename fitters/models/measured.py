@@ -2,7 +2,9 @@
 
 import numpy as np
 
+from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array, cell_index, half_diff
+from fitters.models.directions import both_above, rows
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
 
@@ -14,6 +16,11 @@ class MeasuredTable(HalfVectorSampling, Model):
 
     def __init__(self, table: Array):
         self.table = np.ascontiguousarray(table, np.float32)
+        if self.table.shape != (3, *SHAPE):
+            raise FittersError(f"a measured table is (3, 90, 90, 180), not {self.table.shape}")
+        # NaN fails the first comparison, infinity the second.
+        if not (self.table.min() >= 0 and self.table.max() < np.inf):
+            raise FittersError("a measured table is finite and not negative, which this one is not")
         self._rows = self.table.reshape(3, CELLS)
 
     @property
@@ -26,7 +33,8 @@ class MeasuredTable(HalfVectorSampling, Model):
         return True
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
-        above = (w_i[:, 2] > 0) & (w_o[:, 2] > 0)
+        w_i, w_o = rows(w_i), rows(w_o)
+        above = both_above(w_i, w_o)
         values = np.zeros((len(w_i), 3))
         values[above] = self._rows[:, cell_index(*half_diff(w_i[above], w_o[above]))].T
         return values
@@ -36,4 +44,4 @@ class MeasuredTable(HalfVectorSampling, Model):
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray]) -> "MeasuredTable":
-        return cls(arrays["table"].reshape(3, *SHAPE))
+        return cls(arrays["table"])

@@ -13,9 +13,20 @@ from numba import njit
 
 from fitters import compiled
 from fitters.grid import Array
+from fitters.models.directions import rows
 from fitters.models.model import Model
-from fitters.power_iterations.lookups import fresnel, half_vector, linear, reflect, segment, stretched
+from fitters.power_iterations.lookups import (
+    QUARTER,
+    fresnel,
+    half_vector,
+    linear,
+    lit,
+    reflect,
+    segment,
+    stretched,
+)
 from fitters.power_iterations.slopes import Slopes, slopes, travelled
+from fitters.power_iterations.tables import checked
 
 
 class AnisotropicMicrofacet(Model):
@@ -37,9 +48,8 @@ class AnisotropicMicrofacet(Model):
         *,
         scale: tuple[float, float] = (1.0, 1.0),
     ):
-        self.theta, self.theta_k = np.asarray(theta, np.float64), np.asarray(theta_k, np.float64)
-        self.p, self.g1 = np.asarray(p, np.float64), np.asarray(g1, np.float64)
-        self.fresnel = np.ascontiguousarray(fresnel_table, np.float64)
+        tables = checked(theta, p, theta_k, g1, fresnel_table, axes=2)
+        self.theta, self.p, self.theta_k, self.g1, self.fresnel = tables
         self.scale = np.asarray(scale, np.float64)
         self._area = np.maximum(np.cos(self.theta_k) / self.g1, np.cos(self.theta_k))
 
@@ -53,6 +63,11 @@ class AnisotropicMicrofacet(Model):
         """Q1: the share (a + 1,) of slopes in the columns before each."""
         share = np.concatenate([[0.0], np.cumsum(self._slopes.total)])
         return share / share[-1]
+
+    @property
+    def theta_d(self) -> Array:
+        """Nodes (k,) of the Fresnel table."""
+        return (np.arange(len(self.fresnel)) + 0.5) / len(self.fresnel) * QUARTER
 
     @property
     def slope_pdf(self) -> Array:
@@ -91,8 +106,8 @@ class AnisotropicMicrofacet(Model):
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
         density, values = self._slopes, np.zeros((len(w_i), 3))
         _evaluate(
-            _rows(w_i),
-            _rows(w_o),
+            rows(w_i),
+            rows(w_o),
             density.t,
             density.log_p,
             density.rate,
@@ -106,12 +121,12 @@ class AnisotropicMicrofacet(Model):
     def sample(self, w_o: Array, u: Array) -> Array:
         density, w_i = self._slopes, np.empty((len(w_o), 3))
         tables = (density.t, density.start, density.rate, density.level, density.total)
-        _sample(_rows(w_o), _rows(u), *tables, self._columns, self.scale, w_i)
+        _sample(rows(w_o), rows(u), *tables, self._columns, self.scale, w_i)
         return w_i
 
     def pdf(self, w_i: Array, w_o: Array) -> Array:
         density, values = self._slopes, np.empty(len(w_i))
-        _pdf(_rows(w_i), _rows(w_o), density.t, density.log_p, density.rate, self.scale, values)
+        _pdf(rows(w_i), rows(w_o), density.t, density.log_p, density.rate, self.scale, values)
         return values
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -124,6 +139,8 @@ class AnisotropicMicrofacet(Model):
             "Q2": self.quantiles,
             "theta": self.theta,
             "theta_k": self.theta_k,
+            "theta_d": self.theta_d,
+            "phi": np.arange(len(self.p)) / len(self.p) * 2 * np.pi,
             "scale": self.scale,
         }
 
@@ -132,10 +149,6 @@ class AnisotropicMicrofacet(Model):
         alpha_x, alpha_y = (float(alpha) for alpha in arrays["scale"])
         nodes = (arrays["theta"], arrays["P"], arrays["theta_k"], arrays["G1"], arrays["F"])
         return cls(*nodes, scale=(alpha_x, alpha_y))
-
-
-def _rows(vectors: Array) -> Array:
-    return np.ascontiguousarray(vectors, np.float64)
 
 
 @njit(error_model="numpy")
@@ -188,9 +201,9 @@ def _evaluate(
     values: Array,
 ) -> None:
     for n in range(w_i.shape[0]):
-        cos_i, cos_o = w_i[n, 2], w_o[n, 2]
-        if not (cos_i > 0.0 and cos_o > 0.0):
+        if not lit(w_i[n], w_o[n]):
             continue
+        cos_i, cos_o = w_i[n, 2], w_o[n, 2]
         x, y, z, cos_d = half_vector(w_i[n], w_o[n])
         ndf = _slope_measure(x, y, z, t, log_p, rate, scale, 4)
         x_i, y_i, z_i, length_i = stretched(w_i[n], scale)

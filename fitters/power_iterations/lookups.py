@@ -13,11 +13,18 @@ QUARTER = math.pi / 2
 
 
 @njit(error_model="numpy")
+def lit(w_i: Array, w_o: Array) -> bool:
+    """Whether both directions lie above the horizon; a NaN in one is no direction and finds no table's entry."""
+    return w_i[2] > 0.0 and w_o[2] > 0.0 and math.isfinite(w_i[0] + w_i[1] + w_o[0] + w_o[1])
+
+
+@njit(error_model="numpy")
 def half_vector(w_i: Array, w_o: Array) -> tuple[float, float, float, float]:
     """The unit half vector, on the upper side, and cos(theta_d)."""
     x, y, z = w_i[0] + w_o[0], w_i[1] + w_o[1], w_i[2] + w_o[2]
     length = math.sqrt(x * x + y * y + z * z)
-    if length < 1e-12:
+    # A NaN takes this way too.
+    if not length >= 1e-12:
         return 0.0, 0.0, 1.0, 0.0
     if z < 0.0:
         x, y, z = -x, -y, -z

@@ -8,17 +8,20 @@ from numba import njit
 
 from fitters import compiled
 from fitters.grid import Array
+from fitters.models.directions import rows
 from fitters.models.model import Model
 from fitters.power_iterations.lookups import (
     QUARTER,
     fresnel,
     half_vector,
     linear,
+    lit,
     reflect,
     segment,
     stretched,
 )
 from fitters.power_iterations.slopes import Slopes, slopes, travelled
+from fitters.power_iterations.tables import checked
 
 
 class TabulatedMicrofacet(Model):
@@ -42,9 +45,8 @@ class TabulatedMicrofacet(Model):
         scale: tuple[float, float] = (1.0, 1.0),
         published: bool = False,
     ):
-        self.theta, self.theta_k = np.asarray(theta, np.float64), np.asarray(theta_k, np.float64)
-        self.p, self.g1 = np.asarray(p, np.float64), np.asarray(g1, np.float64)
-        self.fresnel = np.ascontiguousarray(fresnel_table, np.float64)
+        tables = checked(theta, p, theta_k, g1, fresnel_table, axes=1)
+        self.theta, self.p, self.theta_k, self.g1, self.fresnel = tables
         self.scale, self.published = np.asarray(scale, np.float64), bool(published)
         self._area = np.maximum(np.cos(self.theta_k) / self.g1, np.cos(self.theta_k))
 
@@ -111,19 +113,19 @@ class TabulatedMicrofacet(Model):
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
         values = np.zeros((len(w_i), 3))
-        _evaluate(_rows(w_i), _rows(w_o), *self._tables, self.published, values)
+        _evaluate(rows(w_i), rows(w_o), *self._tables, self.published, values)
         return values
 
     def sample(self, w_o: Array, u: Array) -> Array:
         density, w_i = self._slopes, np.empty((len(w_o), 3))
-        _sample(_rows(w_o), _rows(u), density.t, density.start, density.rate, density.level, self.scale, w_i)
+        _sample(rows(w_o), rows(u), density.t, density.start, density.rate, density.level, self.scale, w_i)
         return w_i
 
     def pdf(self, w_i: Array, w_o: Array) -> Array:
         density, values = self._slopes, np.empty(len(w_i))
         offset = 0.0 if self.published else 0.5
         per_unit = len(self.theta) - 1 + 2 * offset
-        _pdf(_rows(w_i), _rows(w_o), density.t, density.log_p, density.rate, self.scale, per_unit, offset, values)
+        _pdf(rows(w_i), rows(w_o), density.t, density.log_p, density.rate, self.scale, per_unit, offset, values)
         return values
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -145,10 +147,6 @@ class TabulatedMicrofacet(Model):
         alpha_x, alpha_y = (float(alpha) for alpha in arrays["scale"])
         nodes = (arrays["theta"], arrays["P"], arrays["theta_k"], arrays["G1"], arrays["F"])
         return cls(*nodes, scale=(alpha_x, alpha_y), published=bool(arrays["published"]))
-
-
-def _rows(vectors: Array) -> Array:
-    return np.ascontiguousarray(vectors, np.float64)
 
 
 @njit(error_model="numpy")
@@ -188,9 +186,9 @@ def _evaluate(
 ) -> None:
     offset = 0.0 if published else 0.5
     for n in range(w_i.shape[0]):
-        cos_i, cos_o = w_i[n, 2], w_o[n, 2]
-        if not (cos_i > 0.0 and cos_o > 0.0):
+        if not lit(w_i[n], w_o[n]):
             continue
+        cos_i, cos_o = w_i[n, 2], w_o[n, 2]
         x, y, z, cos_d = half_vector(w_i[n], w_o[n])
         x_slope, y_slope = x / (z * scale[0]), y / (z * scale[1])
         pdf = _slope_pdf(x_slope**2 + y_slope**2, t, log_p, rate, p, published)

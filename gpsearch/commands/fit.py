@@ -1,87 +1,110 @@
-"""`gpsearch fit MODEL MATERIAL...`: fits a catalogue formula or an expression."""
+"""`gpsearch fit MODEL MATERIAL...`: fits a catalogue formula, an expression or a baseline."""
 
+import os
 from pathlib import Path
+from typing import get_args
 
 import click
+from click.core import ParameterSource
 
-from fitters.expressions import parse, to_text
-from fitters.expressions.catalogue import CATALOGUE, formula
-from fitters.fits import (
-    METRICS,
-    ConfirmJob,
-    DescriptionJob,
-    FitJob,
-    FitSettings,
-    ProblemRecipe,
-    build_problem,
-    confirm,
-    describe,
-)
-from fitters.fits.problem import CHANNELS
-from fitters.scenes import Scene
+from fitters.baselines import FACTORS, TABULATED
+from fitters.factors.fitting import Solver
+from fitters.fits import METRICS
+from fitters.materials import is_anisotropic
+from fitters.models.saving import save as save_model
+from gpsearch.commands.fit_baseline import fit_anisotropic, fit_tabulated
+from gpsearch.commands.fit_formula import fit_formula
+from gpsearch.commands.fit_outcome import Outcome, Request
 from gpsearch.commands.runs import json_option, print_json
-from gpsearch.configuration import FitSection, Search
+
+HELP = f"""Fits MODEL to MATERIALs and says how well it explains them under a light.
+
+MODEL is a published formula, an expression over p0.., or one of {", ".join(TABULATED)}. Formulas are fitted to
+all materials together, the others to each alone. power-iterations-anisotropic also takes UTIA .bin files.
+
+\b
+Arrays of a saved file, red green blue last, f in sr^-1:
+  npf-*             f = rho_d + rho_s D(theta_h) F(theta_d) G(theta_i) G(theta_o)
+                    / (cos theta_i cos theta_o); npf-naive: H(phi_d) instead of G and cosines
+    D (90, 3)       bins of theta_h, the middle of bin i at (i + 1/2)^2 / 90 degrees
+    F (90, 3)       bins of theta_d, the middle of bin i at i + 1/2 degrees
+    G (90, 3)       at 0, 1, .. 89 degrees, linear between
+    H (180, 3)      bins of phi_d, the middle of bin i at i + 1/2 degrees
+  bivariate         f = B(theta_h, theta_d), B (90, 90, 3), the bins of D and F
+  power-iterations  P, D and quantiles Q at theta, G1 at theta_k, F (90, 3) at theta_d;
+                    anisotropic: P, D, G1 over phi first, Q1 and Q2 for Q. Radians.
+  formulas          expression, parameters (3, k) for p0, p1, .. in their order
+"""
 
 
-@click.command()
+@click.command(help=HELP)
 @click.argument("model")
 @click.argument("materials", nargs=-1, required=True)
 @click.option("--light", default="studio", show_default=True, help="studio, overcast, or a .hdr or .exr map.")
 @click.option("--metric", type=click.Choice(list(METRICS)), default="light", show_default=True)
+@click.option(
+    "--solver",
+    type=click.Choice(get_args(Solver)),
+    help="For npf-*: all factors jointly (the default), or the paper's AWLS.",
+)
+@click.option("--save", type=click.Path(path_type=Path), help="A .npz file for the arrays fitted to one material.")
 @json_option
-def fit(model: str, materials: tuple[str, ...], light: str, metric: str, as_json: bool) -> None:
-    """Fits MODEL, a catalogue name or an expression over p0.., to MATERIALs under a light."""
-    defaults = FitSection()
-    recipe = ProblemRecipe(
-        materials=materials,
-        scene=Scene(light=light),
-        metric=metric,
-        sample_cells=defaults.cells,
-        fine_cells=defaults.confirm_cells,
-        seed=0,
-        folder=str(Path.cwd()),
-    )
-    text, bounds = _model(model)
-    problem = build_problem(recipe)
-    job = FitJob((text,), bounds, FitSettings())
-    confirmed = confirm(problem, ConfirmJob(job))
-    description = describe(problem, DescriptionJob(job, confirmed.fit))
-    found, names = description.fit, problem.materials
-    report = {
-        "model": model,
-        "expression": text,
-        "materials": list(names),
-        "scene": light,
-        "metric": metric,
-        "fit_seconds": round(confirmed.seconds, 3),
-        "floats": len(found.names) * len(CHANNELS),
-        "warnings": [],
-        "error": found.error,
-        "errors": {name: found.errors[3 * i : 3 * i + 3].tolist() for i, name in enumerate(names)},
-        "parameters": {
-            symbol: {name: found.values[3 * i : 3 * i + 3, column].tolist() for i, name in enumerate(names)}
-            for column, symbol in enumerate(found.names)
-        },
-        "metrics": description.metrics,
-    }
+@click.pass_context
+def fit(
+    context: click.Context,
+    model: str,
+    materials: tuple[str, ...],
+    light: str,
+    metric: str,
+    solver: Solver | None,
+    save: Path | None,
+    as_json: bool,
+) -> None:
+    if solver is not None and model not in FACTORS:
+        raise click.UsageError(f"--solver: {model} has none to choose; {', '.join(FACTORS)} have.")
+    if save is not None:
+        _check_target(save, materials)
+    anisotropic = any(map(is_anisotropic, materials))
+    if anisotropic:
+        _refuse_given(context, ("light", "metric"))
+    outcome = _fit(Request(model, materials, light, metric), solver, anisotropic)
+    if save is not None:
+        save_model(outcome.models[0], save)
     if as_json:
-        print_json(report)
+        print_json(outcome.report)
         return
-    click.echo(f"{model}: {metric} error {found.error:.4f}, {confirmed.seconds:.1f} s\n  {text}")
-    for i, name in enumerate(names):
-        click.echo(f"{name}")
-        for c, channel in enumerate(CHANNELS):
-            values = "  ".join(f"{k} {v:.5g}" for k, v in found.parameters(3 * i + c).items())
-            click.echo(f"  {channel:5s}  error {found.errors[3 * i + c]:.4f}  {values}")
+    click.echo(outcome.text)
+    for warning in outcome.report["warnings"]:
+        click.echo(f"warning: {warning}", err=True)
 
 
-def _model(model: str) -> tuple[str, tuple[tuple[str, float, float], ...]]:
-    """Text and bounds of a catalogue formula, or of an expression, whose parameters have the search's bounds."""
-    if model in CATALOGUE:
-        published = formula(model)
-        return to_text(published.expression), tuple((name, *b) for name, b in published.bounds.items())
-    if model.replace("-", "").isidentifier() and not model.startswith("p"):
-        formula(model)  # says which name is nearest
-    expression = parse(model)
-    low, high = Search().bounds
-    return to_text(expression), tuple((name, low, high) for name in expression.parameters)
+def _fit(request: Request, solver: Solver | None, anisotropic: bool) -> Outcome:
+    if anisotropic:
+        return fit_anisotropic(request)
+    if request.model in TABULATED:
+        return fit_tabulated(request, solver)
+    return fit_formula(request)
+
+
+def _check_target(path: Path, materials: tuple[str, ...]) -> None:
+    """Refuses a file that cannot be written while nothing has been fitted for it yet."""
+    if len(materials) > 1:
+        raise click.UsageError(
+            f"--save keeps what is fitted to one material, not to {len(materials)}: fit each in its own command."
+        )
+    if path.suffix != ".npz":
+        raise click.UsageError(
+            f"--save {path}: a file of arrays ends in .npz, such as {path.with_suffix('.npz')}."
+        )
+    if path.is_dir():
+        raise click.UsageError(f"--save {path}: this is a folder; name a file in it.")
+    if not path.parent.is_dir():
+        raise click.UsageError(f"--save {path}: there is no folder {path.parent}; make it first.")
+    if not os.access(path if path.exists() else path.parent, os.W_OK):
+        raise click.UsageError(f"--save {path}: this may not be written here; choose another place.")
+
+
+def _refuse_given(context: click.Context, names: tuple[str, ...]) -> None:
+    for name in names:
+        if context.get_parameter_source(name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"--{name}: .bin files are judged over their own samples, without a light.")
