@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, TypeVar
 
 import numpy as np
@@ -19,6 +20,7 @@ from fitters.factors.tables import BivariateTable, MicrofacetFactors, NaiveFacto
 from fitters.fits.problem import CHANNELS
 from fitters.grid import SHAPE, Array
 from fitters.materials import Material
+from fitters.materials.synthetic import matte
 from fitters.models import Model
 
 Solver = Literal["joint", "awls"]
@@ -108,6 +110,13 @@ def fit_bivariate(material: Material) -> FactorFit:
     return FactorFit(model, reached, (report,), ())
 
 
+@cache
+def _loaded(solve: Callable[[Samples, Channel], Solved], folded: bool) -> None:
+    """Runs a solver once on a matte channel: no fit's seconds count the compiling and loading of code."""
+    channel = samples(matte(), folded=folded)[0]
+    solve(channel, slices(channel))
+
+
 def _fit(
     material: Material,
     folded: bool,
@@ -115,6 +124,7 @@ def _fit(
     solve: Callable[[Samples, Channel], Solved],
     table: type[MicrofacetFactors] | type[NaiveFactors],
 ) -> FactorFit:
+    _loaded(solve, folded)
     began = time.perf_counter()
     channels = samples(material, folded=folded)
     weighing = time.perf_counter() - began

@@ -142,3 +142,9 @@ def _noise(key: str, w_i: Array, w_o: Array) -> Array:
     common, own = random.standard_normal((len(w_i), 1)), random.standard_normal((len(w_i), 3))
     spread = 0.02 + 0.10 * (1.0 - np.minimum(w_i[:, 2], w_o[:, 2])) ** 4
     return np.exp(spread[:, None] * np.sqrt(0.5) * (common + own))
+
+
+def matte(value: float = 0.2) -> Material:
+    """A material with the same value, in sr^-1, in every cell and channel."""
+    samples = np.full((3, *SHAPE), value, np.float32)
+    return from_samples("matte", samples, source="matte", sha256=cache.digest("matte", value))
