@@ -11,12 +11,22 @@ from fitters.baselines.judging import (
     judge_at,
     judge_baseline,
 )
-from fitters.baselines.names import ANISOTROPIC, FACTORS, KINDS, TABULATED, fit_baseline, of_anisotropic, unknown
+from fitters.baselines.names import (
+    ANISOTROPIC,
+    FACTORS,
+    FAMILIES,
+    KINDS,
+    TABULATED,
+    fit_baseline,
+    of_anisotropic,
+    unknown,
+)
 
 __all__ = [
     "ANISOTROPIC",
     "COSINE",
     "FACTORS",
+    "FAMILIES",
     "KINDS",
     "TABULATED",
     "BaselineJob",

@@ -1,11 +1,14 @@
 """The errors of a baseline in the scene of a fit problem: the same metrics as every formula's."""
 
+import math
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from fitters.baselines.names import fit_baseline
-from fitters.fits.metrics import METRICS, Metric
+from fitters.errors import FittersError
+from fitters.fits.metrics import METRICS, Metric, length
 from fitters.fits.problem import CHANNELS, FitProblem, Source, weighted_target
 from fitters.grid import cell_directions
 from fitters.materials import AnisotropicMaterial
@@ -28,7 +31,11 @@ class BaselineJob:
 
 @dataclass(frozen=True)
 class Judged:
-    """A baseline fitted to one material: errors per channel by metric, size, seconds, cost, warnings."""
+    """A baseline fitted to one material: errors per channel by metric, size, seconds, cost, warnings.
+
+    Where it cannot be fitted, the errors are infinite, size and cost are 0, and a warning says why. Every warning
+    begins with the material's name.
+    """
 
     errors: dict[str, PerChannel]
     floats: int
@@ -39,10 +46,23 @@ class Judged:
 
 def judge_baseline(problem: FitProblem, job: BaselineJob) -> Judged:
     """Fits a baseline to one material of a problem and judges it there."""
-    fitted = fit_baseline(job.name, problem.source.materials[job.material])
+    material = problem.source.materials[job.material]
+    began = time.perf_counter()
+    try:
+        fitted = fit_baseline(job.name, material)
+    except FittersError as error:
+        # Data, not an exception: what one material lacks must not end a run over many.
+        infinite = dict.fromkeys(METRICS, (math.inf, math.inf, math.inf))
+        return Judged(infinite, 0, time.perf_counter() - began, 0.0, (_about(material.name, str(error)),))
     model = fitted.model
     errors = judge(problem, job.material, model)
-    return Judged(errors, model.floats, model.fit_seconds, model.cost_ns(), fitted.warnings)
+    warnings = tuple(_about(material.name, warning) for warning in fitted.warnings)
+    return Judged(errors, model.floats, model.fit_seconds, model.cost_ns(), warnings)
+
+
+def _about(material: str, sentence: str) -> str:
+    """The sentence with the material's name before it; errors have it already."""
+    return sentence if sentence.startswith(f"{material}: ") else f"{material}: {sentence}"
 
 
 def judge(problem: FitProblem, material: int, model: Model) -> dict[str, PerChannel]:
@@ -59,7 +79,7 @@ def judge_at(source: Source, material: int, model: Model) -> dict[str, PerChanne
         channels = []
         for c in range(len(CHANNELS)):
             weights, targets = weighted_target(source, metric, len(CHANNELS) * material + c)
-            channels.append(float(np.linalg.norm(weights * values[:, c] - targets)))
+            channels.append(length(weights * values[:, c] - targets))
         errors[name] = (channels[0], channels[1], channels[2])
     return errors
 
@@ -74,7 +94,7 @@ def judge_anisotropic(material: AnisotropicMaterial, model: Model) -> PerChannel
     cosines = w_i[:, 2] * w_o[:, 2]
     values = model.evaluate(w_i, w_o)
     red, green, blue = (
-        float(np.linalg.norm(cosines * (values[:, c] - measured)) / COSINE.scale(cosines, measured))
+        length(cosines * (values[:, c] - measured)) / COSINE.scale(cosines, measured)
         for c, measured in enumerate(material.table.reshape(len(CHANNELS), -1).astype(np.float64))
     )
     return red, green, blue

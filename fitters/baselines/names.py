@@ -6,6 +6,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from threadpoolctl import threadpool_limits
+
 from fitters import factors, power_iterations
 from fitters.baselines.fitted import Fitted
 from fitters.errors import FittersError
@@ -39,6 +41,16 @@ TABULATED: Mapping[str, Callable[[Material], Fitted]] = {
     ANISOTROPIC: lambda material: of_anisotropic(material),
 }
 
+FAMILIES: Mapping[str, str] = {
+    "bivariate": "table",
+    "npf-independent-g": "factors",
+    "npf-g-from-d": "factors",
+    "npf-naive": "factors",
+    "power-iterations": "power-iterations",
+    "power-iterations-anisotropic": "power-iterations",
+}
+"""What sort of model each of `TABULATED` is."""
+
 KINDS: Mapping[str, type[Model]] = {
     model.kind: model
     for model in (
@@ -62,11 +74,11 @@ def fit_baseline(name: str, material: Material, *, solver: Solver | None = None)
     """
     if name not in TABULATED:
         raise unknown(name)
-    if solver is None:
-        return TABULATED[name](material)
-    if name not in FACTORS:
+    if solver is not None and name not in FACTORS:
         raise FittersError(f"{name} has one way of being fitted: a solver is chosen for {', '.join(FACTORS)} only")
-    return _solved(name, solver, material)
+    # With more threads, BLAS adds up in another order, and the same fit ends in other last bits.
+    with threadpool_limits(1, "blas"):
+        return TABULATED[name](material) if solver is None else _solved(name, solver, material)
 
 
 def unknown(name: str) -> FittersError:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features, parameter_free
 from fitters.fits.fit import Fit
-from fitters.fits.metrics import METRICS, Metric
+from fitters.fits.metrics import METRICS, Metric, length
 from fitters.fits.problem import FitProblem, weighted_target
 from fitters.grid import Array
 
@@ -34,7 +34,7 @@ def exact_errors(expression: Expression, problem: FitProblem, found: Fit) -> Exa
         for name, metric in METRICS.items():
             weights, targets = _rows(problem, metric, target)
             with np.errstate(all="ignore"):
-                error = np.linalg.norm(weights * values - targets)
+                error = length(weights * values - targets)
             errors[name][target] = error if np.isfinite(error) else np.inf
     return ExactErrors(errors, minimum)
 

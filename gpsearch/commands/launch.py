@@ -3,6 +3,7 @@
 import shlex
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.console import Console
@@ -116,17 +117,25 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     console.print(f"fits: {work(candidates, fitted, given_up)}", highlight=False)
     front = exported["front"]
     rows = [(m["nodes"], m["error"], m["expression"]) for m in front[-SUMMARY_ROWS:]]
-    rows += [
-        (b["nodes"], b["error"], f"[{b['name']}, refitted]")
-        for b in exported["baselines"]
-        if b["error"] is not None
-    ]
+    formulas = [b for b in exported["baselines"] if b["kind"] == "formula"]
+    rows += [(b["nodes"], b["error"], f"[{b['name']}, refitted]") for b in formulas if b["error"] is not None]
     click.echo("nodes    error  formula")
     for nodes, error, text in sorted(rows):
         click.echo(f"{nodes:5d}  {error:7.4f}  {text if len(text) <= 90 else text[:87] + '...'}")
+    _list_tabulated([b for b in exported["baselines"] if b["kind"] != "formula"])
     if len(front) > SUMMARY_ROWS:
         click.echo(f"({len(front) - SUMMARY_ROWS} smaller ones are in the export)")
     click.echo(f"front: {folder / 'front.json'}   picture: {folder / 'front.png'}")
+
+
+def _list_tabulated(baselines: list[dict[str, Any]]) -> None:
+    """Lists by error the reference fits that are no formulas; last those that failed, with the reason."""
+    fitted = [b for b in baselines if b["error"] is not None]
+    for b in sorted(fitted, key=lambda b: b["error"]):
+        click.echo(f"{'-':>5s}  {b['error']:7.4f}  [{b['name']}, {b['floats']:,} floats a material]")
+    for b in baselines:
+        if b["error"] is None:
+            click.echo(f"{'-':>5s}  {'-':>7s}  [{b['name']}, not fitted: {b['warnings'][0]}]")
 
 
 def _is_remote(configuration: Configuration) -> bool:

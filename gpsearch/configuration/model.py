@@ -8,12 +8,18 @@ from typing import Annotated, Any
 import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
+from fitters.baselines import TABULATED
 from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fits import METRICS
 from gpsearch.configuration.comparison import Difference, differences
 from gpsearch.configuration.fields import Section, Surroundings, Whole, one_of, section, whole
-from gpsearch.configuration.references import BUILTIN, check_material, check_no_material_twice
+from gpsearch.configuration.references import (
+    BUILTIN,
+    check_material,
+    check_no_baseline_twice,
+    check_no_material_twice,
+)
 from gpsearch.configuration.sections import (
     MAX_ENTRIES,
     Budget,
@@ -25,7 +31,16 @@ from gpsearch.configuration.sections import (
 )
 from gpsearch.configuration.wording import listed
 
-BASELINES = tuple(CATALOGUE)
+BASELINES = (*CATALOGUE, *TABULATED)
+DEFAULT_BASELINES = (
+    "cook-torrance",
+    "ggx",
+    "bivariate",
+    "npf-independent-g",
+    "npf-g-from-d",
+    "npf-naive",
+    "power-iterations",
+)
 
 
 def _kind_alone(value: Any) -> Any:
@@ -61,9 +76,9 @@ class Configuration(Section):
     budget: Budget = section(Budget)
     search: Search = section(Search)
     fit: FitSection = section(FitSection)
-    baselines: tuple[Annotated[str, AfterValidator(one_of(BASELINES))], ...] = Field(
-        ("cook-torrance", "ggx"), max_length=MAX_ENTRIES, description=f"a list of {listed(BASELINES)}"
-    )
+    baselines: Annotated[
+        tuple[Annotated[str, AfterValidator(one_of(BASELINES))], ...], AfterValidator(check_no_baseline_twice)
+    ] = Field(DEFAULT_BASELINES, max_length=MAX_ENTRIES, description=f"a list of {listed(BASELINES)}")
 
     _folder: Path = PrivateAttr(default_factory=Path.cwd)
 

@@ -50,6 +50,15 @@ def check_no_material_twice(references: tuple[str, ...], info: ValidationInfo) -
     return references
 
 
+def check_no_baseline_twice(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+    """Validates the list of baselines, but for that of a stored run: earlier versions let it pass."""
+    for index, name in enumerate(names):
+        if name in names[:index] and _surroundings(info).check_files:
+            text = f"{shown(name)} is baselines[{names.index(name)}] again; name each baseline once"
+            raise refuse_at(index, name, text)
+    return names
+
+
 def check_light(reference: str, info: ValidationInfo) -> str:
     """Validates a light: a built-in name, or a latitude-longitude map that is there."""
     if reference in BUILT_IN:

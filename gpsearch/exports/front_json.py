@@ -12,7 +12,7 @@ from fitters.fits import Description
 from fitters.fits.problem import CHANNELS
 from gpsearch import __version__
 from gpsearch.configuration import Configuration
-from gpsearch.front import Member, Store
+from gpsearch.front import Baseline, FormulaBaseline, Member, Store, TabulatedBaseline
 
 SCHEMA = "gpsearch-front/1"
 
@@ -33,7 +33,7 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
     generations, candidates, _ = store.totals()
     described = store.descriptions()
     members = [(m, described[m.expression]) for m in store.front().members if m.expression in described]
-    scene = configuration.scene
+    scene, baselines = configuration.scene, store.baselines()
     return {
         "schema": SCHEMA,
         "run": {
@@ -55,8 +55,9 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
         },
         "front": [_member_entry(m, d, materials) for m, d in _non_dominated(members)],
         "baselines": [
-            _baseline_entry(name, description, seconds, materials)
-            for name, (description, seconds) in store.baselines().items()
+            _baseline_entry(name, baselines[name], configuration.metric, materials)
+            for name in dict.fromkeys(configuration.baselines)
+            if name in baselines
         ],
     }
 
@@ -96,13 +97,18 @@ def _member_entry(member: Member, description: Description, materials: tuple[str
     }
 
 
-def _baseline_entry(
-    name: str, description: Description, seconds: float, materials: tuple[str, ...]
-) -> dict[str, Any]:
+def _baseline_entry(name: str, baseline: Baseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
+    if isinstance(baseline, FormulaBaseline):
+        entry = _formula_entry(name, baseline.description, materials)
+    else:
+        entry = _tabulated_entry(baseline, metric, materials)
+    return {"name": name, **entry, "fit_seconds": round(baseline.fit_seconds, 3)}
+
+
+def _formula_entry(name: str, description: Description, materials: tuple[str, ...]) -> dict[str, Any]:
     fit = description.fit
     published = formula(name)
     return {
-        "name": name,
         "kind": "formula",
         "expression": expressions.to_text(published.expression),
         "nodes": published.expression.nodes,
@@ -114,8 +120,20 @@ def _baseline_entry(
         "error": _finite_or_none(fit.error),
         "errors": _by_material([_finite_or_none(error) for error in fit.errors.tolist()], materials),
         "metrics": _finite(description.metrics),
-        "fit_seconds": round(seconds, 3),
         "cost_ns": round(description.cost_ns, 3),
+    }
+
+
+def _tabulated_entry(baseline: TabulatedBaseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
+    metrics = _finite(baseline.metrics)
+    return {
+        "kind": baseline.kind,
+        "floats": baseline.floats,
+        "error": metrics[metric],
+        "errors": _by_material([_finite_or_none(error) for error in baseline.errors[metric]], materials),
+        "metrics": metrics,
+        "cost_ns": round(baseline.cost_ns, 3),
+        "warnings": list(baseline.warnings),
     }
 
 

@@ -1,6 +1,16 @@
 """The Pareto front of error and size, and the store that keeps it."""
 
+from gpsearch.front.baselines import Baseline, FormulaBaseline, TabulatedBaseline
 from gpsearch.front.front import Front, Member, Screened
 from gpsearch.front.store import Generation, Store
 
-__all__ = ["Front", "Generation", "Member", "Screened", "Store"]
+__all__ = [
+    "Baseline",
+    "FormulaBaseline",
+    "Front",
+    "Generation",
+    "Member",
+    "Screened",
+    "Store",
+    "TabulatedBaseline",
+]

@@ -10,10 +10,13 @@ import numpy as np
 from fitters.fits import Description, Fit
 from fitters.fits.checks import Checks
 from gpsearch.evolution.island import Individual
+from gpsearch.front.baselines import Baseline, FormulaBaseline, TabulatedBaseline
 from gpsearch.front.front import Member
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
 from gpsearch.genomes.genome import edit_json
+
+FORMULA = "formula"
 
 
 def population_text(population: Iterable[Individual]) -> str:
@@ -100,3 +103,18 @@ def description_json(description: Description) -> dict[str, Any]:
 
 def read_description(stored: dict[str, Any]) -> Description:
     return Description(read_fit(stored["fit"]), stored["metrics"], Checks(**stored["checks"]), stored["cost_ns"])
+
+
+def baseline_json(baseline: Baseline) -> dict[str, Any]:
+    if isinstance(baseline, FormulaBaseline):
+        description = description_json(baseline.description)
+        return {"kind": FORMULA, "description": description, "fit_seconds": baseline.fit_seconds}
+    return vars(baseline)
+
+
+def read_baseline(stored: dict[str, Any]) -> Baseline:
+    # Stores made when formulas were the only baselines do not name the kind.
+    if stored.get("kind", FORMULA) == FORMULA:
+        return FormulaBaseline(read_description(stored["description"]), stored["fit_seconds"])
+    errors = {metric: tuple(values) for metric, values in stored["errors"].items()}
+    return TabulatedBaseline(**(stored | {"errors": errors, "warnings": tuple(stored["warnings"])}))

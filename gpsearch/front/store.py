@@ -18,11 +18,14 @@ from numpy.typing import NDArray
 from fitters.fits import Description
 from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Island
+from gpsearch.front.baselines import Baseline
 from gpsearch.front.front import Front
 from gpsearch.front.records import (
+    baseline_json,
     description_json,
     member_json,
     population_text,
+    read_baseline,
     read_description,
     read_individual,
     read_member,
@@ -240,14 +243,13 @@ class Store:
 
     # baselines
 
-    def baselines(self) -> dict[str, tuple[Description, float]]:
-        """Description and fit seconds by name."""
+    def baselines(self) -> dict[str, Baseline]:
+        """The baselines that are fitted, by name."""
         rows = self._connection.execute("SELECT name, baseline FROM baselines ORDER BY name")
-        loaded = {name: json.loads(text) for name, text in rows}
-        return {name: (read_description(b["description"]), b["fit_seconds"]) for name, b in loaded.items()}
+        return {name: read_baseline(json.loads(text)) for name, text in rows}
 
-    def save_baseline(self, name: str, description: Description, fit_seconds: float) -> None:
-        text = json.dumps({"description": description_json(description), "fit_seconds": fit_seconds})
+    def save_baseline(self, name: str, baseline: Baseline) -> None:
+        text = json.dumps(baseline_json(baseline))
         self._connection.execute("INSERT OR REPLACE INTO baselines VALUES (?, ?)", (name, text))
 
     # history
@@ -280,7 +282,7 @@ class Store:
 
     @property
     def seconds(self) -> float:
-        """How long the run has gone on, its sessions added up."""
+        """How long the run has searched, its sessions added up."""
         return float(self.meta("seconds") or 0.0)
 
     def save_seconds(self, seconds: float) -> None:

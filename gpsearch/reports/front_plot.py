@@ -8,6 +8,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
+from gpsearch.reports.reference_lines import ReferenceLines
+
 FRONT_COLOUR, BASELINE_COLOUR, TEXT_COLOUR = "#1f5fa8", "#c4572b", "#333333"
 
 PLACES: tuple[tuple[tuple[int, int], dict[str, Any]], ...] = (
@@ -31,14 +33,17 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
         axes.step([*sizes, last * 1.05], [*errors, errors[-1]], where="post", color=FRONT_COLOUR, lw=1, alpha=0.5)
         axes.plot(sizes, errors, "o", color=FRONT_COLOUR, ms=5, label="found by the search")
     drawn = [b for b in baselines if "nodes" in b and b["error"] is not None]
-    axes.plot(
-        [b["nodes"] for b in drawn],
-        [b["error"] for b in drawn],
-        "D",
-        color=BASELINE_COLOUR,
-        ms=6,
-        label="published, refitted",
-    )
+    if drawn:
+        axes.plot(
+            [b["nodes"] for b in drawn],
+            [b["error"] for b in drawn],
+            "D",
+            color=BASELINE_COLOUR,
+            ms=6,
+            label="published, refitted",
+        )
+    tabulated = [b for b in baselines if "nodes" not in b and b["error"] is not None]
+    lines = ReferenceLines(axes, tabulated, errors + [b["error"] for b in drawn], figure.dpi)
     run = exported["run"]
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
@@ -53,7 +58,11 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
         color=TEXT_COLOUR,
     )
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
-    axes.legend(frameon=False, fontsize=9)
+    if front or drawn or tabulated:
+        axes.legend(frameon=False, fontsize=9)
+    # Where names can stand is known once the figure is drawn; those beside the axes make the axes narrower.
+    canvas.draw()
+    lines.name()
     canvas.draw()
     _name(axes, [(b["name"], b["nodes"], b["error"]) for b in drawn])
     figure.savefig(path)

@@ -47,7 +47,7 @@ class Plan:
         """The screening of candidates, likewise."""
         return ScreenJob(candidates, self.bounds, self.settings)
 
-    def baseline_job(self, name: str) -> FitJob:
+    def formula_job(self, name: str) -> FitJob:
         """The fit of a catalogue formula within its own bounds."""
         published = formula(name)
         bounds = tuple((symbol, low, high) for symbol, (low, high) in published.bounds.items())

@@ -12,12 +12,21 @@ from dataclasses import astuple, dataclass
 from itertools import islice
 from typing import Any, Protocol, TypeVar
 
+from fitters.baselines import TABULATED, BaselineJob, Judged, judge_baseline
 from fitters.expressions import parse
 from fitters.expressions.canonical import Canonical, canonical
 from fitters.fits import Candidate, ConfirmJob, DescriptionJob, ScreenJob, confirm, describe, screen
 from fitters.fits.problem import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, migrate, survive
-from gpsearch.front import Front, Generation, Member, Screened, Store
+from gpsearch.front import (
+    FormulaBaseline,
+    Front,
+    Generation,
+    Member,
+    Screened,
+    Store,
+    TabulatedBaseline,
+)
 from gpsearch.search.entrants import Entrant, entrants
 from gpsearch.search.memory import Known, Memory, Parameters
 from gpsearch.search.plan import Plan
@@ -35,7 +44,7 @@ PARENTS = 1 / 3
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a run stands, for whoever watches it. `seconds` is the time it has run, sessions added up."""
+    """Where a run stands, for whoever watches it. `seconds` is the time it has searched, sessions added up."""
 
     generation: int
     candidates: int
@@ -83,6 +92,8 @@ class Search:
     def run(self) -> str:
         """Breeds until a budget is used up, describes the front; returns which budget it was."""
         self.fit_baselines()
+        # The minutes are the search's own: its baselines may take longer than a short budget.
+        self.started = time.monotonic()
         while (reason := self._exhausted()) is None:
             try:
                 whole = self._one_generation()
@@ -95,18 +106,36 @@ class Search:
         return reason
 
     def fit_baselines(self) -> None:
-        """Fits and stores the published formulas that have not been fitted yet."""
+        """Fits and stores the baselines that have not been fitted yet."""
         there = self.store.baselines()
         names = [name for name in self.plan.baselines if name not in there]
         if not names:
             return
-        jobs = [self.plan.baseline_job(name) for name in names]
-        self.watcher.stage("baselines", 2 * len(names))
+        tabulated = [name for name in names if name in TABULATED]
+        formulas = [name for name in names if name not in TABULATED]
+        self.watcher.stage("baselines", 2 * len(formulas) + self.plan.materials * len(tabulated))
+        self._fit_formulas(formulas)
+        self._fit_tabulated(tabulated)
+
+    def _fit_formulas(self, names: Sequence[str]) -> None:
+        jobs = [self.plan.formula_job(name) for name in names]
         confirmed = {names[i]: found for i, found in self._run(confirm, map(ConfirmJob, jobs), "baseline")}
         tasks = [DescriptionJob(job, confirmed[name].fit) for name, job in zip(names, jobs, strict=True)]
         for i, description in self._run(describe, tasks, "describe-baseline"):
             with self.store.transaction():
-                self.store.save_baseline(names[i], description, confirmed[names[i]].seconds)
+                self.store.save_baseline(names[i], FormulaBaseline(description, confirmed[names[i]].seconds))
+
+    def _fit_tabulated(self, names: Sequence[str]) -> None:
+        """Every name and material is a task of its own; a name is stored once its last material is judged."""
+        jobs = [BaselineJob(name, material) for name in names for material in range(self.plan.materials)]
+        found: dict[str, dict[int, Judged]] = {name: {} for name in names}
+        for i, judged in self._run(judge_baseline, jobs, "judge-baseline"):
+            by_material = found[jobs[i].name]
+            by_material[jobs[i].material] = judged
+            if len(by_material) == self.plan.materials:
+                in_order = [by_material[material] for material in range(self.plan.materials)]
+                with self.store.transaction():
+                    self.store.save_baseline(jobs[i].name, TabulatedBaseline.of(jobs[i].name, in_order))
 
     def describe_front(self) -> None:
         """Polishes and describes, on all cells in float64, the front members that have not been yet."""

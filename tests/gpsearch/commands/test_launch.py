@@ -9,10 +9,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
+import jsonschema
 import pytest
 
 from fitters.materials import load_material
 from fitters.materials.merl import FILE_BYTES, HEADER, write_merl
+from gpsearch.exports import schema
 from gpsearch.front import Store
 from tests.gpsearch.small import (
     GPSEARCH,
@@ -175,6 +177,28 @@ def test_a_truncated_material_is_refused_and_the_run_goes_on_once_it_is_whole(fo
     write_merl(folder / "steel.binary", metal.table, metal.valid)
     result = gpsearch("launch", "small.yaml", cwd=folder)
     assert result.returncode == 0, result.stderr
+
+
+def test_a_baseline_that_cannot_be_fitted_is_reported_and_the_run_ends_well(folder):
+    metal = load_material("builtin:metal")
+    dark = metal.valid.copy()
+    dark[:, 0] = False  # nothing is known of its backscattering
+    write_merl(folder / "dark.binary", metal.table, dark)
+    materials, baselines = ["builtin:metal", "dark.binary"], ["power-iterations", "bivariate"]
+    text = small_text(materials=materials, baselines=baselines, budget={"generations": 1})
+    (folder / "small.yaml").write_text(text)
+    result = gpsearch("launch", "small.yaml", "--run", "run", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    exported = json.loads((folder / "run/front.json").read_text())
+    jsonschema.validate(exported, schema(), jsonschema.Draft202012Validator)
+    failed, fitted = exported["baselines"]
+    reason = "dark: no cell with theta_diff below 1 degree is valid"
+    assert failed["warnings"][0].startswith(reason)
+    assert (failed["error"], failed["errors"]["dark"]) == (None, [None] * 3)
+    assert all(error > 0 for error in failed["errors"]["metal"])
+    listed = result.stdout.splitlines()[-3:-1]
+    assert listed[0] == f"    -  {fitted['error']:7.4f}  [bivariate, 24,300 floats a material]"
+    assert listed[1].startswith(f"    -        -  [power-iterations, not fitted: {reason}")
 
 
 def test_a_configuration_may_change_as_long_as_nothing_was_found(folder):

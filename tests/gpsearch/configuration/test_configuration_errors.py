@@ -56,6 +56,11 @@ import pytest
         ("fit: {cells: 63}", "fit.cells: found 63; allowed: a whole number from 64"),
         ("fit: {tolerance: 0}", "fit.tolerance: found 0; allowed: a finite number greater than 0"),
         ("baselines: [gxx]", "baselines[0]: found 'gxx'; did you mean ggx? allowed: lambert"),
+        (
+            "baselines: [npf-independent]",
+            "found 'npf-independent'; did you mean npf-independent-g? allowed: lambert",
+        ),
+        ("baselines: [ggx, bivariate, ggx]", "baselines[2]: 'ggx' is baselines[0] again; name each baseline once"),
         ("materials: []", "materials: found []; allowed: a list of at least one"),
         ("materials: builtin:metal", "materials: found 'builtin:metal'; allowed: a list"),
         (

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
+from fitters.baselines import TABULATED
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fits import FitSettings
@@ -26,7 +27,8 @@ def test_materials_alone_are_enough_and_the_rest_is_as_in_the_paper(load):
     assert configuration.codebank_expressions() == within_parameters(4)
     assert search.bounds == (1e-6, 1e5)
     assert (fit.cells, fit.confirm_cells, fit.settings) == (2048, 16384, FitSettings())
-    assert configuration.baselines == ("cook-torrance", "ggx")
+    formulas, tables = ("cook-torrance", "ggx"), ("bivariate", "npf-independent-g", "npf-g-from-d", "npf-naive")
+    assert configuration.baselines == (*formulas, *tables, "power-iterations")
 
 
 def test_every_key_is_read(load, tmp_path):
@@ -68,6 +70,17 @@ baselines: []
     assert configuration.search.edits.replace == 1.5
     assert configuration.fit.settings == FitSettings(9, 1, 0, 10, 1e-3)
     assert configuration.baselines == ()
+
+
+def test_baselines_are_formulas_and_reference_fits(load):
+    names = (*CATALOGUE, *TABULATED)
+    assert load(f"baselines: [{', '.join(names)}]").baselines == names
+
+
+def test_a_stored_run_with_a_baseline_twice_still_opens(tmp_path):
+    text = "materials: [builtin:metal]\nbaselines: [ggx, ggx]\n"
+    stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
+    assert stored.baselines == ("ggx", "ggx")
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def configuration(folder: Path):
-    return small(folder, materials=MATERIALS, baselines=["lambert", "ggx"])
+    return small(folder, materials=MATERIALS, baselines=["lambert", "bivariate", "ggx"])
 
 
 @pytest.fixture
@@ -62,6 +62,7 @@ def test_an_export_fulfils_its_schema(exported):
         (("front", 0, "genome"), [{"edit": "swap", "first": "a.0"}]),
         (("front", 0, "genome"), [{"edit": "turn", "at": "a.0"}]),
         (("baselines", 0, "floats"), 1.5),
+        (("baselines", 0, "kind"), "guess"),
     ],
 )
 def test_the_schema_refuses_what_is_wrong(exported, path, value):
@@ -81,7 +82,20 @@ def test_the_run_is_described(exported, folder):
     assert run["materials"] == ["metal", "fabric"]
     assert run["scene"] == {"light": "studio", "rotation": 0.0, "resolution": 16, "light_rows": 8}
     assert (run["generations"], run["candidates"], run["metric"]) == (4, 64, "light")
-    assert [baseline["name"] for baseline in exported["baselines"]] == ["ggx", "lambert"]
+    assert [baseline["name"] for baseline in exported["baselines"]] == ["lambert", "bivariate", "ggx"]
+
+
+def test_a_reference_fit_is_described_without_a_formula(exported):
+    bivariate, formula = exported["baselines"][1:]
+    assert formula.keys() - bivariate.keys() == {"expression", "nodes", "parameters"}
+    assert (formula["kind"], bivariate["kind"]) == ("formula", "table")
+    assert bivariate["floats"] == 3 * 90 * 90
+    errors = np.array(list(bivariate["errors"].values()))
+    assert bivariate["errors"].keys() == {"metal", "fabric"}
+    assert bivariate["error"] == bivariate["metrics"]["light"] == pytest.approx(np.sqrt(np.mean(errors**2)))
+    assert bivariate["metrics"].keys() == formula["metrics"].keys()
+    assert bivariate["cost_ns"] > 0
+    assert bivariate["warnings"] == []
 
 
 def test_members_come_by_size_with_strictly_falling_error(exported):
@@ -107,7 +121,8 @@ def test_the_parameters_reproduce_the_stated_errors(exported):
     light = light_table(Scene(light="studio", resolution=16, light_rows=8))
     carried = light.table.reshape(3, -1).astype(np.float64)
     w_i, w_o = cell_directions()
-    for entry in exported["front"] + exported["baselines"]:
+    formulas = [baseline for baseline in exported["baselines"] if baseline["kind"] == "formula"]
+    for entry in exported["front"] + formulas:
         expression, squares = parse(entry["expression"]), []
         for name in ("metal", "fabric"):
             material = load_material(f"builtin:{name}")

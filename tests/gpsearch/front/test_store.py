@@ -1,5 +1,6 @@
 """The run's SQLite file: it holds all to the last bit, and refuses with one sentence what it cannot hold."""
 
+import json
 import os
 import sqlite3
 from collections.abc import Iterator
@@ -16,7 +17,8 @@ from fitters.fits import Description, Fit
 from fitters.fits.checks import Checks
 from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Individual, Island
-from gpsearch.front import Front, Generation, Member, Store
+from gpsearch.front import FormulaBaseline, Front, Generation, Member, Store, TabulatedBaseline
+from gpsearch.front.records import description_json
 from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
 
 FLOATS = st.floats(0, allow_nan=False)
@@ -86,17 +88,42 @@ def test_the_front_and_its_descriptions_come_back_to_the_last_bit(tmp_path_facto
     with store.transaction():
         store.save_front(Front((member,)))
         store.save_description("p0", described)
-        store.save_baseline("lambert", described, 0.3)
+        store.save_baseline("lambert", FormulaBaseline(described, 0.3))
     read = again(store)
     (found,) = read.front().members
     assert (found.genome, found.island, found.generation, found.screened) == (GENOME, 2, 7, screened)
     assert same(found.fit, member.fit)
-    for description in (read.descriptions()["p0"], read.baselines()["lambert"][0]):
+    for description in (read.descriptions()["p0"], read.baselines()["lambert"].description):
         assert same(description.fit, described.fit)
         assert (description.metrics, description.checks) == (described.metrics, described.checks)
         assert description.cost_ns == 0.1
     read.close()
     store.close()
+
+
+@settings(deadline=None, max_examples=30)
+@given(errors=st.lists(FLOATS, min_size=3, max_size=3), seconds=FLOATS)
+def test_a_reference_fit_comes_back_to_the_last_bit(tmp_path_factory, errors, seconds):
+    baseline = TabulatedBaseline("table", {"light": tuple(errors)}, 24300, seconds, 0.1, ("metal: dark",))
+    store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
+    with store.transaction():
+        store.save_baseline("bivariate", baseline)
+    read = again(store)
+    assert read.baselines() == {"bivariate": baseline}
+    read.close()
+    store.close()
+
+
+def test_a_baseline_stored_before_there_were_reference_fits_is_read(store):
+    """Then a record of schema version 2 did not say its kind."""
+    described = Description(fit(0.5, [[1.0], [2.0], [3.0]]), {"light": 0.5}, Checks(0, 0, 0), 1.5)
+    text = json.dumps({"description": description_json(described), "fit_seconds": 0.3})
+    with store.transaction():
+        store._connection.execute("INSERT INTO baselines VALUES ('lambert', ?)", (text,))
+    read = again(store).baselines()["lambert"]
+    assert isinstance(read, FormulaBaseline)
+    assert same(read.description.fit, described.fit)
+    assert (read.description.cost_ns, read.fit_seconds) == (1.5, 0.3)
 
 
 def test_a_fit_without_parameters_comes_back(store):

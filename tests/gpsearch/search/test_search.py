@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -113,6 +114,26 @@ def test_nothing_that_was_fitted_is_fitted_again(tmp_path, event):
     assert counting.fitted["fit-generation3"] > 0
 
 
+def test_baselines_that_are_stored_are_not_fitted_again(tmp_path):
+    """Each is stored as soon as it is fitted to the last material."""
+
+    def configuration():
+        baselines = ["power-iterations", "bivariate", "lambert"]
+        materials = ["builtin:metal", "builtin:fabric"]
+        return small(tmp_path, materials=materials, baselines=baselines, budget={"minutes": 1e-9})
+
+    with pytest.raises(KeyboardInterrupt):
+        # two of lambert, two of power-iterations, and the first of bivariate
+        run_search(tmp_path / "run", configuration(), Watching(stop_at("step", 5)))
+    assert set(Store.open(tmp_path / "run").baselines()) == {"lambert", "power-iterations"}
+    counting, watcher = Counting(), Watching()
+    store = run_search(tmp_path / "run", configuration(), watcher, counting)
+    assert watcher.stages == [("baselines", 2)]
+    assert counting.fitted["judge-baseline"] == 2
+    alone = run_search(tmp_path / "alone", configuration())
+    assert without_times(front_json(store, configuration())) == without_times(front_json(alone, configuration()))
+
+
 def test_another_seed_gives_another_front(tmp_path, uninterrupted):
     store = run_search(tmp_path / "run", small(tmp_path, seed=6))
     assert without_times(front_json(store, small(tmp_path))) != uninterrupted[0]
@@ -184,6 +205,26 @@ def test_whichever_budget_is_used_up_first_ends_the_run(tmp_path, budget, reason
     store = Store.create(tmp_path / "run", configuration.text())
     assert Search(plan(configuration), store, LocalExecutor(), Watching()).run() == reason
     assert store.totals()[0] == generations
+
+
+def test_the_minutes_are_those_of_the_search(tmp_path, monkeypatch):
+    """Baselines that take an hour leave the budget of a minute as it is."""
+    seconds = 0.0
+
+    def an_hour_passes(event: str) -> None:
+        nonlocal seconds
+        seconds += 3600.0 * (event == "baselines")
+
+    def monotonic() -> float:
+        nonlocal seconds
+        seconds += 0.001
+        return seconds
+
+    monkeypatch.setattr("gpsearch.search.search.time", SimpleNamespace(monotonic=monotonic))
+    configuration = small(tmp_path, budget={"generations": 1, "minutes": 1})
+    store = run_search(tmp_path / "run", configuration, Watching(an_hour_passes))
+    assert store.totals()[0] == 1
+    assert 0 < store.seconds < 60
 
 
 def test_two_processes_do_not_mix_their_generations(tmp_path):
