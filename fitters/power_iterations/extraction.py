@@ -11,7 +11,7 @@ from fitters.errors import FittersError
 from fitters.grid import Array, bin_centres
 from fitters.materials import Material
 from fitters.materials.synthetic import matte
-from fitters.materials.utia import AnisotropicMaterial
+from fitters.materials.utia import AnisotropicMaterial, sample_directions
 from fitters.models import MeasuredTable, Model
 from fitters.power_iterations import anisotropic, backscattering, fresnel, isotropic, reference
 from fitters.power_iterations.anisotropic import azimuths
@@ -81,7 +81,11 @@ def extract_anisotropic(
     theta, cos_k = isotropic.nodes(count), isotropic.area_nodes(count)
     density = slopes(theta, p)
     tables = theta, p, np.arccos(cos_k), cos_k / anisotropic.projected_area(density, cos_k)
-    table = fresnel.table_of(evaluate, AnisotropicMicrofacet(*tables, np.ones((2, 3))).evaluate)
+    ideal = AnisotropicMicrofacet(*tables, np.ones((2, 3))).evaluate
+    if isinstance(material, AnisotropicMaterial):
+        table = fresnel.table_at(*sample_directions(), material.table.reshape(3, -1).T, ideal)
+    else:
+        table = fresnel.table_of(evaluate, ideal)
     model = AnisotropicMicrofacet(*tables, table)
     beckmann, ggx = anisotropic_alphas(density)
     said = (*data.warnings, *about_moments(tail_share(density)), *about_fresnel(table))

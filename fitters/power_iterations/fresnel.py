@@ -47,6 +47,17 @@ def table_of(evaluate: Evaluate, ideal: Evaluate) -> Array:
     return filled(ratio.reshape(*shape, 3).sum(axis=(0, 2, 3)), used.reshape(shape).sum(axis=(0, 2, 3)))
 
 
+def table_at(w_i: Array, w_o: Array, values: Array, ideal: Evaluate) -> Array:
+    """F (90, 3) of values (n, 3) measured at directions (n, 3), averaged as they are, nothing interpolated."""
+    model = ideal(w_i, w_o)[:, 0]
+    used = (w_i[:, 2] > 0) & (w_o[:, 2] > 0) & (model > LEAST_IDEAL)
+    theta_d = np.arccos(np.minimum(np.linalg.norm(w_i[used] + w_o[used], axis=-1) / 2, 1.0))
+    bins = np.minimum((theta_d / (np.pi / 2) * SHAPE[1]).astype(int), SHAPE[1] - 1)
+    ratio = values[used] / model[used, None]
+    sums = np.stack([np.bincount(bins, ratio[:, c], SHAPE[1]) for c in range(3)], axis=-1)
+    return filled(sums, np.bincount(bins, minlength=SHAPE[1]))
+
+
 def _middles(count: int) -> Array:
     return (np.arange(count) + 0.5) / count * 2 * np.pi
 

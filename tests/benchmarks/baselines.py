@@ -28,6 +28,7 @@ from fitters.scenes import Scene, light_table, load_light
 from fitters.scenes.picture import pictures, psnr
 from tests.benchmarks.problem import PROBE, SEED, data_folder
 from tests.benchmarks.reference_materials import MaterialSet, authors_factors, material_sets
+from tests.benchmarks.solvers import table as compared
 from tests.benchmarks.table import Cell, Table
 
 MODELS = (*(name for name in TABULATED if name != "power-iterations-anisotropic"), "cook-torrance", "ggx", "abc")
@@ -64,12 +65,17 @@ class Row:
     help="Folder with rgl/, merl/ and envmaps/; without one, built-in materials and light.",
 )
 @click.option("--first", type=int, default=None, help="So many materials of each set only.")
+@click.option("--solvers", type=int, default=0, help="Compare both solvers, on so many materials of each set.")
 @click.option("--rows", type=click.Path(dir_okay=False, path_type=Path), help="Write every row as JSON lines.")
-def main(models: tuple[str, ...], data: Path | None, first: int | None, rows: Path | None) -> None:
-    """Prints a table for each set of materials, and one of the solvers."""
+def main(models: tuple[str, ...], data: Path | None, first: int | None, solvers: int, rows: Path | None) -> None:
+    """Prints a table for each set of materials: of the named models, or of all that a run has beside its front."""
     click.echo(f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}")
     _warm(models or MODELS)
     for chosen in material_sets(data):
+        if solvers:
+            few = MaterialSet(chosen.title, chosen.names[:solvers], chosen.folder)
+            click.echo(f"\n{few.title}\n{compared(few.materials(), data).text()}")
+            continue
         found: list[Row] = []
         for material in MaterialSet(chosen.title, chosen.names[:first], chosen.folder).materials():
             found += measured(material, models or MODELS, data)

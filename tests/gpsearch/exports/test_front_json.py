@@ -31,7 +31,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def configuration(folder: Path):
-    return small(folder, materials=MATERIALS, baselines=["lambert", "bivariate", "ggx"])
+    return small(folder, materials=MATERIALS, baselines=["lambert", "bivariate", "ggx"], budget={"generations": 8})
 
 
 @pytest.fixture
