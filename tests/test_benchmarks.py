@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from fitters.factors import solving
 from fitters.fits import build_problem
+from fitters.materials import load_material
 from fitters.scenes import Scene
-from tests.benchmarks import evaluation, fitting, growth, quality, search, stopping
+from tests.benchmarks import baselines, evaluation, fitting, growth, quality, search, solvers, stopping
 from tests.benchmarks.engine import SEARCHES, SECTIONS
 from tests.benchmarks.problem import recipe
 
@@ -48,6 +50,26 @@ def test_a_section_prints_tables_of_finite_positive_numbers(section, problem, sm
             numbers = [cell for cell in row if isinstance(cell, int | float)]
             assert numbers
             assert all(math.isfinite(number) and number >= 0 for number in numbers), row
+
+
+def test_baselines_are_measured_and_summed_up(monkeypatch):
+    rows = baselines.measured(load_material("builtin:metal"), ["bivariate", "power-iterations", "lambert"], None)
+    assert [row.model for row in rows] == ["bivariate", "power-iterations", "lambert"]
+    for row in rows:
+        assert 0 < row.light < 2
+        assert 10 < row.psnr < 100
+        assert row.seconds > 0
+    table = baselines.summary("built-in", rows)
+    assert [line[:2] for line in table.rows] == [("bivariate", 24300), ("power-iterations", 540), ("lambert", 3)]
+    assert "power-iterations" in baselines.failures("built-in", rows).text()
+
+
+def test_solvers_are_compared(monkeypatch):
+    monkeypatch.setattr(solvers, "FITS", {"npf-naive": solvers.FITS["npf-naive"]})
+    monkeypatch.setattr(solving, "ROUNDS", 3)
+    table = solvers.table([load_material("builtin:metal")], None)
+    assert [row[1] for row in table.rows] == ["joint", "awls"]
+    assert table.rows[1][3] >= table.rows[0][3] == 1
 
 
 def test_every_section_is_tested():
