@@ -49,7 +49,7 @@ def table(materials: Iterable[Material], data: Path | None) -> Table:
         tuple(rows),
         (
             "objective: eq. 7 over that of the authors' tables, the mean of the channels; seconds: three channels",
-            "iterations: steps of the descent or rounds of the alternation (at most 300); searches: golden section",
+            "iterations: steps of the descent, or rounds of the alternation (at most 300)",
             "the paper, means of 100 materials: 2838, 765, 680 s; 1192, 56, 2038 rounds; 47, 69, 0 searches",
         ),
     )
