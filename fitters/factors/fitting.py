@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from fitters.errors import FittersError
 from fitters.factors import solving
-from fitters.factors.alternation import azimuthal_sums
+from fitters.factors.alternation import Sums, azimuthal_sums
 from fitters.factors.channel import Channel
 from fitters.factors.samples import Samples, samples
 from fitters.factors.solving import Solved
@@ -95,10 +95,11 @@ def fit_bivariate(material: Material) -> FactorFit:
 
     A cell of (theta_half, theta_diff) without a sample takes the value of the nearest smaller theta_diff.
     """
+    _loaded(_means, True)
     began = time.perf_counter()
     table, objective = np.zeros((*SHAPE[:2], 3)), []
     for c, channel in enumerate(samples(material)):
-        known = azimuthal_sums(channel, np.ones(channel.geometry.phi.size))
+        known = _means(channel)
         sampled = known.w > 0
         table[..., c] = _carried(known.wz / np.where(sampled, known.w, 1.0), sampled)
         left = known.wzz - np.where(sampled, known.wz, 0.0) ** 2 / np.where(sampled, known.w, 1.0)
@@ -110,8 +111,13 @@ def fit_bivariate(material: Material) -> FactorFit:
     return FactorFit(model, reached, (report,), ())
 
 
+def _means(channel: Samples, start: Channel | None = None) -> Sums:
+    """What the weighted means are made of; they need no start."""
+    return azimuthal_sums(channel, np.ones(channel.geometry.phi.size))
+
+
 @cache
-def _loaded(solve: Callable[[Samples, Channel], Solved], folded: bool) -> None:
+def _loaded(solve: Callable[[Samples, Channel], object], folded: bool) -> None:
     """Runs a solver once on a matte channel: no fit's seconds count the compiling and loading of code."""
     channel = samples(matte(), folded=folded)[0]
     solve(channel, slices(channel))

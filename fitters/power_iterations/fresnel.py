@@ -54,8 +54,10 @@ def table_at(w_i: Array, w_o: Array, values: Array, ideal: Evaluate) -> Array:
     theta_d = np.arccos(np.minimum(np.linalg.norm(w_i[used] + w_o[used], axis=-1) / 2, 1.0))
     bins = np.minimum((theta_d / (np.pi / 2) * SHAPE[1]).astype(int), SHAPE[1] - 1)
     ratio = values[used] / model[used, None]
-    sums = np.stack([np.bincount(bins, ratio[:, c], SHAPE[1]) for c in range(3)], axis=-1)
-    return filled(sums, np.bincount(bins, minlength=SHAPE[1]))
+    sums, counts = np.zeros((SHAPE[1], 3)), np.zeros(SHAPE[1])
+    np.add.at(sums, bins, ratio)
+    np.add.at(counts, bins, 1.0)
+    return filled(sums, counts)
 
 
 def _middles(count: int) -> Array:
