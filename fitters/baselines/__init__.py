@@ -20,6 +20,7 @@ from fitters.baselines.names import (
     fit_baseline,
     of_anisotropic,
     unknown,
+    warm_up,
 )
 
 __all__ = [
@@ -40,4 +41,5 @@ __all__ = [
     "judge_baseline",
     "of_anisotropic",
     "unknown",
+    "warm_up",
 ]

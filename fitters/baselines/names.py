@@ -1,11 +1,12 @@
 """The baselines that are no formulas, by name, and how each is fitted to a material."""
 
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fitters import factors, power_iterations
@@ -15,6 +16,7 @@ from fitters.expressions.catalogue import CATALOGUE
 from fitters.factors import FactorFit
 from fitters.factors.fitting import Solver
 from fitters.materials import AnisotropicMaterial, Material
+from fitters.materials.synthetic import matte
 from fitters.models import FormulaModel, MeasuredTable, Model
 from fitters.power_iterations import Extraction
 
@@ -79,6 +81,19 @@ def fit_baseline(name: str, material: Material, *, solver: Solver | None = None)
     # With more threads, BLAS adds up in another order, and the same fit ends in other last bits.
     with threadpool_limits(1, "blas"):
         return TABULATED[name](material) if solver is None else _solved(name, solver, material)
+
+
+def warm_up(names: Iterable[str]) -> None:
+    """Compiles what the fits of these baselines need, or loads it from the disk cache; others are left out.
+
+    Several processes that begin to fit at once would all compile the same.
+    """
+    up = np.array([[0.0, 0.0, 1.0]])
+    for name in names:
+        if name == "npf-independent-g":
+            factors.fit_independent_g(matte(), only=("slices",)).model.evaluate(up, up)
+        elif name in TABULATED:
+            TABULATED[name](matte()).model.evaluate(up, up)
 
 
 def unknown(name: str) -> FittersError:

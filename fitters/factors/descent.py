@@ -17,6 +17,8 @@ from fitters.grid import Array
 
 LARGEST_FALL = 3.0
 """No logarithm falls by more in a step."""
+NEGLIGIBLE = 1e-12
+"""An objective of this share of the weighted squared measurement is as good as 0: that is in float32."""
 PATIENCE = 2
 """So many steps in a row must each gain less than the tolerance before a descent ends."""
 
@@ -61,7 +63,10 @@ def descend(problem: LogProblem, x: Array, *, iterations: int, tolerance: float)
     x = problem.in_box(x)
     damping, small = 1e-3, 0
     course = [problem.objective(x)]
+    negligible = NEGLIGIBLE * problem.samples.square
     while len(course) <= iterations:
+        if course[-1] <= negligible:
+            return Descent(x, course[-1], tuple(course), True)
         value, gradient, matrix = problem.normal_equations(x)
         low, high = problem.bounds(x)
         free = np.flatnonzero(((x > low + 1e-12) | (gradient < 0)) & ((x < high - 1e-12) | (gradient > 0)))

@@ -7,7 +7,7 @@ objective. Samples are held by (theta_half, theta_diff), whose azimuths above th
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,11 @@ class Samples:
     weights: NDArray[np.float32]
     values: NDArray[np.float32]
     constant: float
+
+    @cached_property
+    def square(self) -> float:
+        """The weighted sum of squared values: the objective of a model that is 0 everywhere."""
+        return float(np.sum(self.weights * np.square(self.values, dtype=np.float64)))
 
     def every(self, stride: int) -> "Samples":
         """The samples of every so many-th azimuth, the middle one of each group."""

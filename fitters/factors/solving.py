@@ -40,8 +40,7 @@ class Solved:
 def descend_independent_g(samples: Samples, start: Channel) -> Solved:
     """Eq. 3 with a free G: on some azimuths first, disturbed and resumed there, then on all."""
     coarse = samples.every(STRIDE)
-    square = float(np.sum(samples.weights * np.square(samples.values, dtype=np.float64)))
-    problem = IndependentG(coarse, SMOOTHING * square / STRIDE)
+    problem = IndependentG(coarse, SMOOTHING * samples.square / STRIDE)
     best = descend(problem, _warmed(coarse, start).unknowns(), iterations=COARSE_STEPS, tolerance=TOLERANCE)
     steps = best.iterations
     random = np.random.default_rng(SHAKE_SEED)
@@ -51,7 +50,7 @@ def descend_independent_g(samples: Samples, start: Channel) -> Solved:
         again = descend(problem, disturbed, iterations=COARSE_STEPS, tolerance=TOLERANCE)
         steps += again.iterations
         best = min(best, again, key=lambda found: found.objective)
-    fine = IndependentG(samples, SMOOTHING * square)
+    fine = IndependentG(samples, SMOOTHING * samples.square)
     last = descend(fine, best.x, iterations=FINE_STEPS, tolerance=TOLERANCE)
     solved = _solved(replace(fine, smoothing=0.0), last, Channel.of_unknowns(last.x))
     return replace(solved, iterations=steps + last.iterations)

@@ -8,6 +8,7 @@ from typing import Any
 import click
 from rich.console import Console
 
+from fitters import baselines
 from fitters.engine.warm import warm_up
 from gpsearch.commands.estimate import estimate
 from gpsearch.commands.progress import ProgressWatcher, duration, work
@@ -84,8 +85,9 @@ def _store(folder: Path, configuration: Configuration) -> Store:
 
 def _search(planned: Plan, store: Store, configuration: Configuration, console: Console) -> None:
     if not _is_remote(configuration):
-        with console.status("loading the fit engine (compiled once on a machine, half a minute)"):
+        with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up()
+            baselines.warm_up(name for name in planned.baselines if name not in store.baselines())
     with (
         open_executor(executor_settings(configuration)) as executor,
         ProgressWatcher(console, planned.budget) as watcher,
