@@ -112,7 +112,8 @@ def of_anisotropic(material: Material | AnisotropicMaterial) -> Fitted:
 def _of_factors(fit: FactorFit) -> Fitted:
     details: dict[str, Any] = {
         "objective": list(fit.objective),
-        "iterations": [max(start.iterations[c] for start in fit.starts) for c in range(3)],
+        "start": [start.name for start in fit.kept],
+        "iterations": [start.iterations[c] for c, start in enumerate(fit.kept)],
         "starts": [
             {
                 "name": start.name,

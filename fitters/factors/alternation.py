@@ -8,6 +8,7 @@ over all samples makes these, and every step after it costs 8,100 cells.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fitters import compiled
 from fitters.factors.samples import Samples
@@ -15,6 +16,9 @@ from fitters.grid import SHAPE, Array
 
 FLOOR = 1e-6
 """No component is less than this share of a factor's largest (dynamic range clamping, section 4.3)."""
+
+
+Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +56,7 @@ class Sums:
         return (float(rho_d), float(rho_s)) if rho_s > 0 else (float(wy / w), 0.0)
 
     def best_d(self, rho_d: float, rho_s: float, d: Array, f: Array, floor: float = FLOOR) -> Array:
-        """D (90,) by eq. 14 with all else held, clamped; what no sample sees stays as it is in `d`."""
+        """D (90,) by eq. 14 with all else held, clamped; what no sample sees follows its neighbours."""
         top = (self.wpz - rho_d * self.wp) @ f
         return _clamped(top, rho_s * (self.wpp @ (f * f)), d, floor)
 
@@ -64,7 +68,7 @@ class Sums:
 
 def _clamped(top: Array, bottom: Array, old: Array, floor: float) -> Array:
     seen = bottom > 1e-300
-    best = np.where(seen, top / np.where(seen, bottom, 1.0), old)
+    best = filled(top / np.where(seen, bottom, 1.0), seen) if seen.any() else old
     return np.maximum(best, floor * max(float(best.max()), 1e-300))
 
 
@@ -134,3 +138,11 @@ def alternate(known: Sums, d: Array, f: Array, sweeps: int) -> tuple[float, floa
         f = f / f.max()
         rho_d, rho_s = known.coefficients(d, f)
     return rho_d, rho_s, d, f
+
+
+def filled(values: Array, mask: Mask) -> Array:
+    """Values (k,) with those outside the mask interpolated from the others, beyond the outermost held."""
+    if mask.all() or not mask.any():
+        return values
+    places = np.arange(len(values))
+    return np.interp(places, places[mask], values[mask])

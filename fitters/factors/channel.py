@@ -4,13 +4,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fitters.factors.alternation import FLOOR
+from fitters.factors.alternation import FLOOR, Mask, filled
 from fitters.factors.samples import NODES, Geometry, Samples
 from fitters.grid import SHAPE, Array
-
-Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +49,7 @@ class Channel:
         So is F in the last bin, 89 to 90 degrees, where every direction lies beyond 89 degrees, and D likewise.
         """
         return Channel(
-            self.rho_d, self.rho_s, _filled(self.d, seen.d), _filled(self.f, seen.f), _filled(self.g, seen.g)
+            self.rho_d, self.rho_s, filled(self.d, seen.d), filled(self.f, seen.f), filled(self.g, seen.g)
         ).normalised()
 
 
@@ -65,6 +62,7 @@ class Seen:
     g: Mask
 
 
+@lru_cache(maxsize=8)
 def seen(samples: Samples, *, by_azimuth: bool) -> Seen:
     """The components that samples of any weight see; `by_azimuth` for H in the place of G."""
     if samples.weights.all():
@@ -87,10 +85,3 @@ def _seen(at: Geometry, weighty: Mask, by_azimuth: bool) -> Seen:
         nodes = np.concatenate([n[weighty].astype(int) + k for n in (at.node_i, at.node_o) for k in (0, 1)])
         last = np.bincount(nodes, minlength=NODES) > 0
     return Seen(np.any(counts, axis=1), np.any(counts, axis=0), last)
-
-
-def _filled(values: Array, mask: Mask) -> Array:
-    if mask.all() or not mask.any():
-        return values
-    places = np.arange(len(values))
-    return np.interp(places, places[mask], values[mask])

@@ -2,18 +2,18 @@
 
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fitters.errors import FittersError
 from fitters.factors import solving
-from fitters.factors.alternation import Sums, azimuthal_sums
+from fitters.factors.alternation import Mask, Sums, azimuthal_sums, filled
 from fitters.factors.channel import Channel
-from fitters.factors.samples import Samples, samples
+from fitters.factors.descent import NEGLIGIBLE
+from fitters.factors.samples import NODES, Samples, samples
 from fitters.factors.solving import Solved
 from fitters.factors.starts import Start, slices, starts
 from fitters.factors.tables import BivariateTable, MicrofacetFactors, NaiveFactors, SmithFactors
@@ -53,10 +53,16 @@ class FactorFit:
     warnings: tuple[str, ...]
 
     @property
+    def kept(self) -> tuple[StartReport, StartReport, StartReport]:
+        """The start that each channel's factors are of."""
+        r, g, b = (min(self.starts, key=lambda start: start.objective[c]) for c in range(3))
+        return r, g, b
+
+    @property
     def spread(self) -> PerChannel:
-        """How far above the best start the worst ended, relative, per channel."""
+        """How far above the best start the worst ended, relative, per channel; 0 where the best is exact."""
         ends = [[start.objective[c] for start in self.starts] for c in range(3)]
-        r, g, b = (max(end) / max(min(end), 1e-300) - 1 for end in ends)
+        r, g, b = (max(end) / min(end) - 1 if min(end) > 0 else 0.0 for end in ends)
         return r, g, b
 
 
@@ -67,7 +73,8 @@ def fit_independent_g(
 
     Raises `FittersError` where a material has no sample, or for a start that there is none of.
     """
-    chosen = starts(lambda channel: solving.descend_g_from_d(channel, slices(channel)).channel)
+    from_d = solving.alternate_g_from_d if solver == "awls" else solving.descend_g_from_d
+    chosen = starts(lambda channel: from_d(channel, slices(channel)).channel)
     unknown = set(only or ()) - set(chosen)
     if unknown:
         raise FittersError(f"no start called {', '.join(sorted(unknown))}: there are {', '.join(chosen)}")
@@ -93,22 +100,23 @@ def fit_naive(material: Material, *, solver: Solver = "joint") -> FactorFit:
 def fit_bivariate(material: Material) -> FactorFit:
     """The bivariate model (eq. 5): weighted means over the azimuths, in one step.
 
-    A cell of (theta_half, theta_diff) without a sample takes the value of the nearest smaller theta_diff.
+    A cell of (theta_half, theta_diff) without a sample takes its value along theta_diff from those that have one,
+    beyond the outermost the same; a theta_half without any takes that of the one before.
     """
     _loaded(_means, True)
     began = time.perf_counter()
-    table, objective = np.zeros((*SHAPE[:2], 3)), []
-    for c, channel in enumerate(samples(material)):
+    table, objective, channels = np.zeros((*SHAPE[:2], 3)), [], samples(material)
+    for c, channel in enumerate(channels):
         known = _means(channel)
         sampled = known.w > 0
-        table[..., c] = _carried(known.wz / np.where(sampled, known.w, 1.0), sampled)
+        table[..., c] = _spread_out(known.wz / np.where(sampled, known.w, 1.0), sampled)
         left = known.wzz - np.where(sampled, known.wz, 0.0) ** 2 / np.where(sampled, known.w, 1.0)
         objective.append(float(left.sum()) + channel.constant)
     model = BivariateTable(B=table)
     model.fit_seconds = time.perf_counter() - began
     reached = _per_channel(objective)
     report = StartReport("one step", reached, (1, 1, 1), (0, 0, 0), model.fit_seconds, True)
-    return FactorFit(model, reached, (report,), ())
+    return FactorFit(model, reached, (report,), _about_zeros(channels))
 
 
 def _means(channel: Samples, start: Channel | None = None) -> Sums:
@@ -138,7 +146,7 @@ def _fit(
     reports = []
     for name, start in chosen.items():
         started = time.perf_counter()
-        ends = [solve(channel, start(channel)) for channel in channels]
+        ends = [_solved(solve, start, channel) for channel in channels]
         best = [min(pair, key=lambda end: end.objective) for pair in zip(best or ends, ends, strict=True)]
         reports.append(
             StartReport(
@@ -153,7 +161,25 @@ def _fit(
     model = _tables(table, [end.channel for end in best])
     model.fit_seconds = time.perf_counter() - began
     fit = FactorFit(model, _per_channel([end.objective for end in best]), tuple(reports), ())
-    return FactorFit(fit.model, fit.objective, fit.starts, _warnings(fit))
+    return replace(fit, warnings=_about_zeros(channels) + _warnings(fit))
+
+
+def _solved(solve: Callable[[Samples, Channel], Solved], start: Start, channel: Samples) -> Solved:
+    """A channel's factors from a start; what is black has no factors to be found."""
+    if channel.square > 0:
+        found = solve(channel, start(channel))
+        exact = found.objective <= NEGLIGIBLE * channel.square
+        return replace(found, objective=0.0) if exact else found
+    azimuths = NODES if solve not in (solving.descend_naive, solving.alternate_naive) else SHAPE[2]
+    return Solved(Channel(0.0, 0.0, np.ones(90), np.ones(90), np.ones(azimuths)), 0.0, 0, 0, True)
+
+
+def _about_zeros(channels: list[Samples]) -> tuple[str, ...]:
+    return tuple(
+        f"{name}: half of the measurement or more is 0; bright values are weighted by the median of the rest"
+        for name, channel in zip(CHANNELS, channels, strict=True)
+        if channel.mostly_zero
+    )
 
 
 def _tables(table: type[MicrofacetFactors] | type[NaiveFactors], channels: list[Channel]) -> Model:
@@ -179,11 +205,15 @@ def _warnings(fit: FactorFit) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _carried(values: Array, known: NDArray[np.bool_]) -> Array:
-    """Values (90, 90) with those not known taken from the last known one before, along theta_diff."""
-    last = np.maximum.accumulate(np.where(known, np.arange(SHAPE[1]), -1), axis=1)
-    carried = np.take_along_axis(values, np.maximum(last, 0), axis=1)
-    return np.where(last >= 0, carried, 0.0)
+def _spread_out(values: Array, known: Mask) -> Array:
+    """Values (90, 90) with those not known taken from others: along each row, then from the row before."""
+    full = np.zeros_like(values)
+    for row in range(len(values)):
+        if known[row].any():
+            full[row] = filled(values[row], known[row])
+        elif row > 0:
+            full[row] = full[row - 1]
+    return full
 
 
 def _per_channel(values: Iterable[T]) -> tuple[T, T, T]:

@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.factors import microfacet_equations, naive_equations
+from fitters.factors.alternation import Mask, filled
+from fitters.factors.channel import seen
 from fitters.factors.samples import NODES, Samples
 from fitters.factors.smith import Smith
 from fitters.grid import SHAPE, Array
@@ -45,6 +47,13 @@ def in_box(x: Array, scale: slice, *others: slice, powers: tuple[int, ...]) -> A
     return x
 
 
+def _followed(x: Array, d_seen: Mask, f_seen: Mask) -> Array:
+    """x with the bins of D and F that no sample sees set from their neighbours, so that none is the largest."""
+    x = x.copy()
+    x[_D], x[_F] = filled(x[_D], d_seen), filled(x[_F], f_seen)
+    return x
+
+
 def bounds(x: Array, scale: slice) -> tuple[Array, Array]:
     """The box (k,), (k,) around x."""
     low, high = np.full(len(x), LOWEST), np.zeros(len(x))
@@ -79,7 +88,8 @@ class IndependentG:
         return bounds(x, _D)
 
     def in_box(self, x: Array) -> Array:
-        return in_box(x, _D, _F, _G, powers=(1, 2))
+        has = seen(self.samples, by_azimuth=False)
+        return in_box(_followed(x, has.d, has.f), _D, _F, _G, powers=(1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +121,8 @@ class GFromD:
         return bounds(x, _D)
 
     def in_box(self, x: Array) -> Array:
-        return in_box(x, _D, _F, powers=(1,))
+        has = seen(self.samples, by_azimuth=False)
+        return in_box(_followed(x, has.d, has.f), _D, _F, powers=(1,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,7 +145,8 @@ class Naive:
         return bounds(x, _D)
 
     def in_box(self, x: Array) -> Array:
-        return in_box(x, _D, _F, _H, powers=(1, 1))
+        has = seen(self.samples, by_azimuth=True)
+        return in_box(_followed(x, has.d, has.f), _D, _F, _H, powers=(1, 1))
 
 
 def _factors(x: Array) -> tuple[float, Array, Array, Array]:

@@ -53,12 +53,16 @@ class Geometry:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """What one channel's factors are fitted to: weights and values (n,) float32, and the objective's constant."""
+    """What one channel's factors are fitted to: weights and values (n,) float32, and the objective's constant.
+
+    `mostly_zero`: half of the measurement or more is 0, and eq. 11 takes the weighted median of the rest.
+    """
 
     geometry: Geometry
     weights: NDArray[np.float32]
     values: NDArray[np.float32]
     constant: float
+    mostly_zero: bool = False
 
     @cached_property
     def square(self) -> float:
@@ -127,27 +131,32 @@ def samples(material: Material, *, folded: bool = True) -> list[Samples]:
     valid = material.valid.reshape(SHAPE[0] * SHAPE[1], SHAPE[2])
     found = []
     for channel in range(3):
-        bits = _weighted_median(
-            table[channel].view(np.int32), valid, places.offset, places.first.ravel(), places.volume, folded
-        )
+        stored = table[channel].view(np.int32), valid, places.offset, places.first.ravel(), places.volume, folded
+        bits = _weighted_median(*stored, 0)
         if bits < 0:
             raise FittersError(
                 f"{material.name}: no valid cell has both directions within 89 degrees of the normal; factors "
                 "cannot be fitted to it. Check the file."
             )
-        middle = float(np.int32(bits).view(np.float32))
+        mostly_zero = bits == 0
+        if mostly_zero:
+            # Of 0, eq. 11 would make every weight 0 but those of zeros. A channel of nothing else has any median.
+            bits = max(_weighted_median(*stored, 1), 0)
+        middle = float(np.int32(bits).view(np.float32)) or 1.0
         weights, values = np.empty(len(places), np.float32), np.empty(len(places), np.float32)
         constant = _weigh(
             table[channel], compressive_weights(table[channel], middle), valid, places.offset,
             places.first.ravel(), places.volume, folded, weights, values,
         )  # fmt: skip
-        found.append(Samples(places, weights, values, constant))
+        found.append(Samples(places, weights, values, constant, mostly_zero))
     return found
 
 
 @compiled.entry(error_model="numpy")
-def _weighted_median(values, valid, offset, first, volume, folded):
+def _weighted_median(values, valid, offset, first, volume, folded, least):
     """The bits (of a float32) of the valid cells' weighted median, given theirs; -1 without a valid cell.
+
+    Cells whose bits are below `least` do not count.
 
     Exact: the bits of float32 numbers that are not negative are ordered as the numbers are, so that two passes
     of counting, over their upper and lower half, find it.
@@ -163,7 +172,9 @@ def _weighted_median(values, valid, offset, first, volume, folded):
                     k = azimuth if side == 0 else valid.shape[1] - 1 - azimuth
                     if not valid[row, k]:
                         continue
-                    bits = values[row, k]
+                    bits = values[row, k] & 0x7FFFFFFF
+                    if bits < least:
+                        continue
                     if level == 0:
                         bins[bits >> 16] += volume[j]
                     elif bits >> 16 == upper:
@@ -184,7 +195,7 @@ def _weighted_median(values, valid, offset, first, volume, folded):
 
 def compressive_weights(values: NDArray[np.float32], middle: float) -> NDArray[np.float32]:
     """w_C of eqs. 11 and 12: 1 at 0, falling as a value rises above the weighted median."""
-    ratio = np.maximum(values * np.float32(math.log(2.0) / max(middle, 1e-30)), np.float32(1e-30))
+    ratio = np.maximum(values * np.float32(math.log(2.0) / middle), np.float32(1e-30))
     return (-np.expm1(-ratio) / ratio) ** np.float32(COMPRESSIVE_POWER)
 
 
@@ -195,15 +206,17 @@ def _weigh(table, compressed, valid, offset, first, volume, folded, weights, val
     for row in range(table.shape[0]):
         for j in range(offset[row], offset[row + 1]):
             azimuth = first[row] + j - offset[row]
-            w, wz, wzz = 0.0, 0.0, 0.0
+            w, wz = 0.0, 0.0
             for side in range(2 if folded else 1):
                 k = azimuth if side == 0 else table.shape[1] - 1 - azimuth
                 if valid[row, k]:
-                    z = table[row, k]
-                    own = volume[j] * compressed[row, k]
-                    w, wz, wzz = w + own, wz + own * z, wzz + own * z * z
-            weights[j] = w
-            values[j] = wz / w if w > 0 else 0.0
-            if w > 0:
-                constant += wzz - wz * wz / w
+                    own = np.float64(volume[j]) * compressed[row, k]
+                    w, wz = w + own, wz + own * table[row, k]
+            mean = wz / w if w > 0 else 0.0
+            weights[j], values[j] = w, mean
+            for side in range(2 if folded else 1):
+                k = azimuth if side == 0 else table.shape[1] - 1 - azimuth
+                if valid[row, k]:
+                    own = np.float64(volume[j]) * compressed[row, k]
+                    constant += own * (table[row, k] - mean) ** 2
     return constant

@@ -57,10 +57,14 @@ def smith(points: int = POINTS) -> Smith:
 
 
 def _interpolation(theta: Array, weights: Array) -> Array:
-    """Coefficients (90,) of D in the weighted sum of its values at `theta`; constant beyond the outer centres."""
+    """Coefficients (90,) of D in the weighted sum of its values at `theta`.
+
+    D is constant before the first centre and beyond the last but one: no sample sees the last bin, from 88 degrees
+    on, and what only G depends on would be free.
+    """
     centres = bin_centres()[0]
-    position = np.interp(theta.ravel(), centres, np.arange(SHAPE[0]))
-    low = np.minimum(position.astype(int), SHAPE[0] - 2)
+    position = np.interp(theta.ravel(), centres[:-1], np.arange(SHAPE[0] - 1))
+    low = np.minimum(position.astype(int), SHAPE[0] - 3)
     part, flat = position - low, weights.ravel()
     coefficients = np.zeros(SHAPE[0])
     np.add.at(coefficients, low, flat * (1 - part))

@@ -65,9 +65,8 @@ def descend_g_from_d(samples: Samples, start: Channel) -> Solved:
     )
     problem = GFromD(samples, shadow)
     last = descend(problem, first.x, iterations=FINE_STEPS, tolerance=TOLERANCE)
-    d = np.exp(last.x[1:91] - last.x[1:91].max())
-    solved = _solved(problem, last, Channel.of_unknowns(last.x, shadow.shadowing(d)))
-    return replace(solved, iterations=first.iterations + last.iterations)
+    solved = _solved(problem, last, Channel.of_unknowns(last.x, np.ones(NODES)))
+    return replace(solved, channel=_shadowed(solved.channel), iterations=first.iterations + last.iterations)
 
 
 def descend_naive(samples: Samples, start: Channel) -> Solved:
@@ -88,9 +87,10 @@ def alternate_independent_g(samples: Samples, start: Channel) -> Solved:
 
 def alternate_g_from_d(samples: Samples, start: Channel) -> Solved:
     """G-from-D, likewise, on any samples."""
-    return _of_alternation(
+    solved = _of_alternation(
         samples, awls.alternate_g_from_d(samples, smith(), start, rounds=ROUNDS, tolerance=ROUND_TOLERANCE)
     )
+    return replace(solved, channel=_shadowed(solved.channel))
 
 
 def alternate_naive(samples: Samples, start: Channel) -> Solved:
@@ -112,6 +112,11 @@ def _alternated(known: Sums, start: Channel) -> Channel:
         # The start's lobe explains nothing: a flat one does, or is at least there to be changed.
         rho_d, rho_s, d, f = alternate(known, np.ones_like(begin.d), np.ones_like(begin.f), SWEEPS)
     return Channel(rho_d, rho_s or 1e-3 * max(rho_d, 1e-6), d, f, begin.g)
+
+
+def _shadowed(channel: Channel) -> Channel:
+    """The channel with Smith's G of its D."""
+    return replace(channel, g=smith().shadowing(np.maximum(channel.d, 1e-300)))
 
 
 def _solved(problem: LogProblem, end: Descent, channel: Channel) -> Solved:

@@ -56,8 +56,14 @@ def _light(light: Array, measured: Array) -> Array:
 
 
 def _compressive(light: Array, measured: Array) -> Array:
-    """T sqrt(w_C) with w_C after eqs. 11 and 12 of the factor paper, rho-bar the light-weighted median."""
-    ratio = np.maximum(measured, 0.0) / max(weighted_median(measured, light), 1e-300)
+    """T sqrt(w_C) with w_C after eqs. 11 and 12 of the factor paper, rho-bar the light-weighted median.
+
+    Where that is 0, it is the median of what is not: of 0, eq. 11 would make every other weight 0.
+    """
+    middle, positive = weighted_median(measured, light), measured > 0
+    if middle <= 0:
+        middle = weighted_median(measured[positive], light[positive]) if positive.any() else 1.0
+    ratio = np.maximum(measured, 0.0) / middle
     alpha = np.log(2.0)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         compressed = np.where(ratio > 0, -np.expm1(-alpha * ratio) / (alpha * ratio), 1.0)
