@@ -129,7 +129,7 @@ def test_a_channel_that_is_mostly_zero_is_fitted_by_what_is_not():
         assert found.warnings[0].startswith("blue: half of the measurement or more is 0")
         steep = np.minimum(*(w[:, 2] for w in cell_directions())) > 0.5
         values = found.model.evaluate(*(w[steep] for w in cell_directions()))[:, 2]
-        # Zeros have weight 1 and the others at most that: a share of 0.3 of them leaves less than 0.3 of the value.
+        # Zeros have weight 1, the others at most that: a share of 0.3 of them leaves less than 0.3 of the value.
         assert 0.1 < np.median(values / whole.table[2].ravel()[steep]) < 0.3
 
 
