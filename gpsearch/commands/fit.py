@@ -28,7 +28,7 @@ Arrays of a saved file, red green blue last, f in sr^-1:
                     / (cos theta_i cos theta_o); npf-naive: H(phi_d) instead of G and cosines
     D (90, 3)       bins of theta_h, the middle of bin i at (i + 1/2)^2 / 90 degrees
     F (90, 3)       bins of theta_d, the middle of bin i at i + 1/2 degrees
-    G (90, 3)       at 0, 1, .. 89 degrees, linear between
+    G (90, 3)       at 0, 1, .. 89 degrees, linear between; beyond, G and cosine are those at 89
     H (180, 3)      bins of phi_d, the middle of bin i at i + 1/2 degrees
   bivariate         f = B(theta_h, theta_d), B (90, 90, 3), the bins of D and F
   power-iterations  P, D and quantiles Q at theta, G1 at theta_k, F (90, 3) at theta_d;
