@@ -12,6 +12,9 @@ from gpsearch.reports.reference_lines import ReferenceLines
 
 FRONT_COLOUR, BASELINE_COLOUR, TEXT_COLOUR = "#1f5fa8", "#c4572b", "#333333"
 
+MARKER = 10
+"""Pixels across that a point's marker takes."""
+
 PLACES: tuple[tuple[tuple[int, int], dict[str, Any]], ...] = (
     ((6, 4), {"ha": "left", "va": "bottom"}),
     ((-6, 4), {"ha": "right", "va": "bottom"}),
@@ -69,8 +72,9 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
 
 
 def _name(axes: Axes, points: list[tuple[str, int, float]]) -> None:
-    """Names points of a drawn figure, each at the first place where it hides no other name and stays inside."""
-    inside, taken = axes.get_window_extent(), list[Bbox]()
+    """Names points of a drawn figure, each at the first place where it hides no name or point and stays inside."""
+    inside = axes.get_window_extent()
+    taken = [_marker(axes, x, y) for _, x, y in points]
     for name, x, y in sorted(points, key=lambda point: point[1:]):
         for place, (offset, sides) in enumerate(PLACES):
             text = axes.annotate(
@@ -81,3 +85,9 @@ def _name(axes: Axes, points: list[tuple[str, int, float]]) -> None:
                 taken.append(box)
                 break
             text.remove()
+
+
+def _marker(axes: Axes, x: float, y: float) -> Bbox:
+    """The box of a point's marker on the drawn figure."""
+    across, up = axes.transData.transform((x, y))
+    return Bbox.from_bounds(across - MARKER / 2, up - MARKER / 2, MARKER, MARKER)
