@@ -120,17 +120,27 @@ def _product(first: _Node, second: _Node, *, inverse: bool) -> _Node:
             negative, part = not negative, part.children[0]
         for factor in part.children if part.symbol == "product" else (part,):
             factors.append(_inverse(factor) if inverted else factor)
-    constant, rest = 1.0, []
+    constant, *large = _multiplied([factor.value for factor in factors if factor.value is not None])
+    rest = [_Node("constant", value=value) for value in large]
     for factor in factors:
-        if factor.value is not None and np.isfinite(constant * factor.value):
-            constant *= factor.value
-        elif factor != _INFINITE or factor not in rest:
+        if factor.value is None and (factor != _INFINITE or factor not in rest):
             rest.append(factor)
     negative = negative != (constant < 0)
     if abs(constant) != 1.0 or not rest:
         rest.append(_Node("constant", value=abs(constant)))
     product = rest[0] if len(rest) == 1 and rest[0].symbol != "inverse" else _Node("product", tuple(rest))
     return _negated(product) if negative else product
+
+
+def _multiplied(values: list[float]) -> list[float]:
+    """Constants multiplied with one another as long as that is finite, the smallest first: at least one is left.
+
+    The two smallest have the smallest product: where that is infinite, so is any other, in whatever order.
+    """
+    left = sorted([1.0, *values], key=abs)
+    while len(left) > 1 and np.isfinite(left[0] * left[1]):
+        left = sorted([left[0] * left[1], *left[2:]], key=abs)
+    return left
 
 
 def _inverse(factor: _Node) -> _Node:

@@ -194,9 +194,26 @@ def _weighted_median(values, valid, offset, first, volume, folded, least):
 
 
 def compressive_weights(values: NDArray[np.float32], middle: float) -> NDArray[np.float32]:
-    """w_C of eqs. 11 and 12: 1 at 0, falling as a value rises above the weighted median."""
-    ratio = np.maximum(values * np.float32(math.log(2.0) / middle), np.float32(1e-30))
-    return (-np.expm1(-ratio) / ratio) ** np.float32(COMPRESSIVE_POWER)
+    """w_C of eqs. 11 and 12: 1 at 0, falling as a value rises above the weighted median.
+
+    Evaluated at every number of eight bits and linear between, within 3e-5 of the weight: a tenth of the time.
+    """
+    bits = np.arange(0, 0x7F80, dtype=np.uint32) << 16
+    ratio = np.maximum(bits.view(np.float32).astype(np.float64) * (math.log(2.0) / middle), 1e-30)
+    table = ((-np.expm1(-ratio) / ratio) ** COMPRESSIVE_POWER).astype(np.float32)
+    weights = np.empty_like(values)
+    _look_up(table, values.view(np.int32).ravel(), weights.ravel())
+    return weights
+
+
+@compiled.entry(error_model="numpy")
+def _look_up(table, bits, weights):
+    """Weights at numbers given by their bits: the mantissa's lower sixteen say how far on to the next entry."""
+    for j in range(len(bits)):
+        place = (bits[j] >> 16) & 0x7FFF
+        share = np.float32(bits[j] & 0xFFFF) / np.float32(65536.0)
+        low = table[place]
+        weights[j] = low + share * (table[min(place + 1, len(table) - 1)] - low)
 
 
 @compiled.entry(error_model="numpy")

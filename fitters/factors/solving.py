@@ -17,6 +17,8 @@ SWEEPS = 10
 STRIDE = 15
 """A descent of independent-G and G-from-D begins on every so many-th azimuth."""
 COARSE_STEPS, FINE_STEPS, TOLERANCE = 100, 60, 1e-4
+FIRST_TOLERANCE = 1e-3
+"""Of the descent before log G is disturbed."""
 SHAKES, SHAKE, SHAKE_SEED = 2, 1.0, 1910
 """So often log G is disturbed, by normal noise of this deviation, and the lower end kept: neighbouring nodes of G
 and bins of F can hold each other where a descent gets no further."""
@@ -41,7 +43,8 @@ def descend_independent_g(samples: Samples, start: Channel) -> Solved:
     """Eq. 3 with a free G: on some azimuths first, disturbed and resumed there, then on all."""
     coarse = samples.every(STRIDE)
     problem = IndependentG(coarse, SMOOTHING * samples.square / STRIDE)
-    best = descend(problem, _warmed(coarse, start).unknowns(), iterations=COARSE_STEPS, tolerance=TOLERANCE)
+    begin = _warmed(coarse, start).unknowns()
+    best = descend(problem, begin, iterations=COARSE_STEPS, tolerance=FIRST_TOLERANCE)
     steps = best.iterations
     random = np.random.default_rng(SHAKE_SEED)
     for _ in range(SHAKES):
