@@ -8,6 +8,7 @@ over all samples makes these, and every step after it costs 8,100 cells.
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from fitters import compiled
@@ -88,43 +89,38 @@ def azimuthal_sums(samples: Samples, h: Array) -> Sums:
     return Sums(*out.reshape(6, SHAPE[0], SHAPE[1]))
 
 
+_NOTHING = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@njit(fastmath={"contract", "reassoc", "nsz"})
+def _added(total, w, p, z):
+    """The six sums with one more sample."""
+    wp = w * p
+    s0, s1, s2, s3, s4, s5 = total
+    return s0 + w, s1 + wp, s2 + wp * p, s3 + w * z, s4 + wp * z, s5 + w * z * z
+
+
 @compiled.entry(fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
 def _sum_shadowed(g, offset, node_i, node_o, part_i, part_o, cosines, weights, values, out):
     for row in range(len(offset) - 1):
-        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        total = _NOTHING
         for j in range(offset[row], offset[row + 1]):
             a, b = node_i[j], node_o[j]
             g_i = g[a] + part_i[j] * (g[a + 1] - g[a])
             g_o = g[b] + part_o[j] * (g[b + 1] - g[b])
             p = g_i * g_o / cosines[j]
-            w, z = weights[j], values[j]
-            wp = w * p
-            s0 += w
-            s1 += wp
-            s2 += wp * p
-            s3 += w * z
-            s4 += wp * z
-            s5 += w * z * z
-        out[0, row], out[1, row], out[2, row] = s0, s1, s2
-        out[3, row], out[4, row], out[5, row] = s3, s4, s5
+            total = _added(total, weights[j], p, values[j])
+        out[0, row], out[1, row], out[2, row], out[3, row], out[4, row], out[5, row] = total
 
 
 @compiled.entry(fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
 def _sum_azimuths(h, offset, first, weights, values, out):
     for row in range(len(offset) - 1):
-        s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        total = _NOTHING
         shift = first[row // 90, row % 90] - offset[row]
         for j in range(offset[row], offset[row + 1]):
-            w, p, z = weights[j], h[j + shift], values[j]
-            wp = w * p
-            s0 += w
-            s1 += wp
-            s2 += wp * p
-            s3 += w * z
-            s4 += wp * z
-            s5 += w * z * z
-        out[0, row], out[1, row], out[2, row] = s0, s1, s2
-        out[3, row], out[4, row], out[5, row] = s3, s4, s5
+            total = _added(total, weights[j], h[j + shift], values[j])
+        out[0, row], out[1, row], out[2, row], out[3, row], out[4, row], out[5, row] = total
 
 
 def alternate(known: Sums, d: Array, f: Array, sweeps: int) -> tuple[float, float, Array, Array]:

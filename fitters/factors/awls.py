@@ -149,22 +149,16 @@ class _GFromD(_Model):
 
 
 class _Naive(_Model):
-    def __init__(self, samples: Samples):
-        super().__init__(samples)
-        at = samples.geometry
-        self.azimuth = np.arange(len(at)) - np.repeat(at.offset[:-1] - at.first.ravel(), np.diff(at.offset))
-        self.row = np.repeat(np.arange(len(at.offset) - 1), np.diff(at.offset))
-
     def _sums(self, g: Array) -> Sums:
         return azimuthal_sums(self.samples, g)
 
     def last(self, course: _Course) -> None:
         """H by eq. 14."""
-        c, s = course.channel, self.samples
-        q = (c.rho_s * np.outer(c.d, c.f)).ravel()[self.row]
+        c, s, at = course.channel, self.samples, self.samples.geometry
+        q = (c.rho_s * np.outer(c.d, c.f)).ravel()[at.row]
         wq = s.weights * q
-        top = np.bincount(self.azimuth, wq * (s.values - c.rho_d), len(c.g))
-        bottom = np.bincount(self.azimuth, wq * q, len(c.g))
+        top = np.bincount(at.azimuth, wq * (s.values - c.rho_d), len(c.g))
+        bottom = np.bincount(at.azimuth, wq * q, len(c.g))
         h = np.where(bottom > 1e-300, top / np.maximum(bottom, 1e-300), c.g)
         course.take(replace(c, g=np.maximum(h, FLOOR * h.max())).normalised())
 

@@ -76,11 +76,9 @@ def _seen_by_all(at: Geometry, by_azimuth: bool) -> Seen:
 
 
 def _seen(at: Geometry, weighty: Mask, by_azimuth: bool) -> Seen:
-    row = np.repeat(np.arange(SHAPE[0] * SHAPE[1]), np.diff(at.offset))
-    counts = np.bincount(row[weighty], minlength=SHAPE[0] * SHAPE[1]).reshape(SHAPE[:2])
+    counts = np.bincount(at.row[weighty], minlength=SHAPE[0] * SHAPE[1]).reshape(SHAPE[:2])
     if by_azimuth:
-        azimuth = np.arange(len(at)) - np.repeat(at.offset[:-1] - at.first.ravel(), np.diff(at.offset))
-        last = np.bincount(azimuth[weighty], minlength=at.phi.size) > 0
+        last = np.bincount(at.azimuth[weighty], minlength=at.phi.size) > 0
     else:
         nodes = np.concatenate([n[weighty].astype(int) + k for n in (at.node_i, at.node_o) for k in (0, 1)])
         last = np.bincount(nodes, minlength=NODES) > 0

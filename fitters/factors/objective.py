@@ -14,7 +14,5 @@ def objective(material: Material, model: Model) -> tuple[float, float, float]:
     found = []
     for channel, of in zip(values, samples(material, folded=False), strict=True):
         at = of.geometry
-        row = np.repeat(np.arange(len(at.offset) - 1), np.diff(at.offset))
-        azimuth = np.arange(len(at)) - at.offset[row] + at.first.ravel()[row]
-        found.append(float(np.sum(of.weights * (channel[row, azimuth] - of.values) ** 2)))
+        found.append(float(np.sum(of.weights * (channel[at.row, at.azimuth] - of.values) ** 2)))
     return found[0], found[1], found[2]

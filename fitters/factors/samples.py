@@ -50,6 +50,17 @@ class Geometry:
     def __len__(self) -> int:
         return len(self.node_i)
 
+    @cached_property
+    def row(self) -> NDArray[np.int32]:
+        """(n,) theta_diff + 90 theta_half of each sample's bins."""
+        return np.repeat(np.arange(SHAPE[0] * SHAPE[1], dtype=np.int32), np.diff(self.offset))
+
+    @cached_property
+    def azimuth(self) -> NDArray[np.int32]:
+        """(n,) place of each sample's azimuth among `phi`."""
+        begin = (self.offset[:-1] - self.first.ravel()).astype(np.int32)
+        return np.arange(len(self), dtype=np.int32) - begin[self.row]
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -72,7 +83,7 @@ class Samples:
     def every(self, stride: int) -> "Samples":
         """The samples of every so many-th azimuth, the middle one of each group."""
         coarse = geometry(self.geometry.phi.size, stride)
-        keep = _kept(self.geometry, stride)
+        keep = _kept(self.geometry.phi.size, stride)
         return Samples(coarse, self.weights[keep], self.values[keep], 0.0)
 
 
@@ -113,15 +124,9 @@ def _nodes(cosine: Array) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
 
 
 @lru_cache(maxsize=8)
-def _kept_positions(azimuths: int, stride: int) -> NDArray[np.int64]:
-    full = geometry(azimuths)
-    count = np.diff(full.offset)
-    azimuth = np.arange(len(full)) - np.repeat(full.offset[:-1] - full.first.ravel(), count)
-    return np.flatnonzero(azimuth % stride == stride // 2)
-
-
-def _kept(full: Geometry, stride: int) -> NDArray[np.int64]:
-    return _kept_positions(full.phi.size, stride)
+def _kept(azimuths: int, stride: int) -> NDArray[np.int64]:
+    """Which samples of the full geometry the coarser one has."""
+    return np.flatnonzero(geometry(azimuths).azimuth % stride == stride // 2)
 
 
 def samples(material: Material, *, folded: bool = True) -> list[Samples]:

@@ -45,14 +45,20 @@ def _gather(normals: Array, directions: Array, emission: Array, table: Array) ->
             cos_i = nx * directions[t, 0] + ny * directions[t, 1] + nz * directions[t, 2]
             if cos_i <= 0.0:
                 continue
-            cos_half = nx * frames[t, 0] + ny * frames[t, 1] + nz * frames[t, 2]
-            # w_i in the tangent frame at the half vector, both components times sin(theta_half).
-            x = cos_diff[t] * cos_half - cos_i
-            y = nx * frames[t, 3] + ny * frames[t, 4] + nz * frames[t, 5]
-            cell = cell_of(math.acos(min(cos_half, 1.0)), diff_bins[t], math.atan2(y, x))
+            cell = cell_seen(nx, ny, nz, cos_i, frames[t], cos_diff[t], diff_bins[t])
             table[cell, 0] += emission[t, 0] * cos_i
             table[cell, 1] += emission[t, 1] * cos_i
             table[cell, 2] += emission[t, 2] * cos_i
+
+
+@njit
+def cell_seen(nx: float, ny: float, nz: float, cos_i: float, frame: Array, cos_diff: float, diff_bin: int) -> int:
+    """The cell in which a pixel of normal (nx, ny, nz) sees a texel, given the texel's share of `half_frames`."""
+    cos_half = nx * frame[0] + ny * frame[1] + nz * frame[2]
+    # w_i in the tangent frame at the half vector, both components times sin(theta_half).
+    x = cos_diff * cos_half - cos_i
+    y = nx * frame[3] + ny * frame[4] + nz * frame[5]
+    return _cell(math.acos(min(cos_half, 1.0)), diff_bin, math.atan2(y, x))
 
 
 @njit
@@ -73,7 +79,7 @@ def half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
 
 
 @njit
-def cell_of(theta_half: float, diff_bin: int, phi_diff: float) -> int:
+def _cell(theta_half: float, diff_bin: int, phi_diff: float) -> int:
     """As `fitters.grid.cell_index`, the theta_diff bin given; phi_diff in [-pi, pi] is folded modulo pi."""
     half_bin = min(int(math.sqrt(theta_half / (math.pi / 2)) * SHAPE[0]), SHAPE[0] - 1)
     if phi_diff < 0.0:

@@ -8,7 +8,7 @@ from fitters import compiled
 from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array
 from fitters.scenes.environment import EnvironmentMap
-from fitters.scenes.kernel import cell_of, half_frames, sphere_normals
+from fitters.scenes.kernel import cell_seen, half_frames, sphere_normals
 
 
 def pictures(light: EnvironmentMap, resolution: int, tables: Array) -> Array:
@@ -40,10 +40,7 @@ def _shade(normals: Array, directions: Array, emission: Array, rows: Array, imag
             cos_i = nx * directions[t, 0] + ny * directions[t, 1] + nz * directions[t, 2]
             if cos_i <= 0.0:
                 continue
-            cos_half = nx * frames[t, 0] + ny * frames[t, 1] + nz * frames[t, 2]
-            x = cos_diff[t] * cos_half - cos_i
-            y = nx * frames[t, 3] + ny * frames[t, 4] + nz * frames[t, 5]
-            cell = cell_of(math.acos(min(cos_half, 1.0)), diff_bins[t], math.atan2(y, x))
+            cell = cell_seen(nx, ny, nz, cos_i, frames[t], cos_diff[t], diff_bins[t])
             for k in range(count):
                 for c in range(3):
                     image[p, 3 * k + c] += emission[t, c] * cos_i * rows[cell, 3 * k + c]
