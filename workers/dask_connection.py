@@ -63,26 +63,32 @@ async def _shake_hands(address: str, wait_seconds: float) -> None:
 
 
 def require_same_package(client: Client) -> None:
-    """Raises `WorkersError` where the scheduler or a worker holds another gpsearch than ours, or none.
+    """Raises `WorkersError` where the scheduler or a worker holds another gpsearch than ours, or none."""
+    ours = importlib.metadata.version(PACKAGE)
+    for place, fault in versions(client, ours).items():
+        raise WorkersError(f"worker {place} {fault}")
+    if fault := _fault(_version_of_scheduler(client), ours):
+        raise WorkersError(f"scheduler {fault}")
+
+
+def versions(client: Client, ours: str) -> dict[str, str]:
+    """What is wrong with the gpsearch of those workers that have another version than ours, by address.
 
     Asks by a function of the standard library, since it must be found where our package is not.
     """
-    ours = importlib.metadata.version(PACKAGE)
-    remote = {f"worker {address}": answer for address, answer in _versions_of_workers(client).items()}
-    remote["scheduler"] = _version_of_scheduler(client)
-    for place, version in remote.items():
-        if isinstance(version, importlib.metadata.PackageNotFoundError):
-            raise WorkersError(f"{place} has no {PACKAGE}: install {PACKAGE} {ours} there")
-        if isinstance(version, BaseException):
-            raise WorkersError(f"{place} cannot say which {PACKAGE} it has: {version}") from version
-        if version != ours:
-            raise WorkersError(
-                f"{place} has {PACKAGE} {version}, this process {ours}: install the same version on both"
-            )
+    answers = client.run(importlib.metadata.version, PACKAGE, on_error="return")
+    faults = {address: _fault(answer, ours) for address, answer in answers.items()}
+    return {address: fault for address, fault in faults.items() if fault}
 
 
-def _versions_of_workers(client: Client) -> dict[str, str | BaseException]:
-    return client.run(importlib.metadata.version, PACKAGE, on_error="return")
+def _fault(version: str | BaseException, ours: str) -> str:
+    if isinstance(version, importlib.metadata.PackageNotFoundError):
+        return f"has no {PACKAGE}: install {PACKAGE} {ours} there"
+    if isinstance(version, BaseException):
+        return f"cannot say which {PACKAGE} it has: {version}"
+    if version != ours:
+        return f"has {PACKAGE} {version}, this process {ours}: install the same version on both"
+    return ""
 
 
 def _version_of_scheduler(client: Client) -> str | BaseException:

@@ -1,138 +1,301 @@
-"""The executor that sends tasks to Dask workers; only recipes, payloads and results travel."""
+"""The executor that sends tasks to Dask workers; only recipes, items and results travel.
+
+What goes out when is decided by `Dispatch`, what travels is a `Task`, and a `Session` is one connection: where the
+scheduler goes away, everything outstanding goes out again through the next one.
+"""
 
 from __future__ import annotations
 
+import importlib.metadata
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from time import monotonic
 from uuid import uuid4
 
-from distributed import CancelledError, Client, Future, KilledWorker, as_completed, get_worker
-from distributed.scheduler import NoValidWorkerError, NoWorkerError
+from distributed import Client, KilledWorker
 
-from workers.context import Recipe, context_of
-from workers.dask_connection import connect, require_same_package
+from fitters.errors import FittersError
+from workers.dask_connection import PACKAGE, connect, require_same_package
+from workers.dispatch import Batch, Dispatch, Submission
 from workers.errors import WorkersError, task_failed
+from workers.jobs import Done, Incident, Job
 from workers.processes import start_processes
+from workers.session import (
+    Began,
+    Disconnected,
+    Erred,
+    Event,
+    Finished,
+    ResultLost,
+    Session,
+    WorkerDied,
+    Workers,
+)
+from workers.task import ForeignWorkerError, Task
 
-P = TypeVar("P")
-R = TypeVar("R")
+TICK = 0.25
+"""Seconds after which what hangs or is late is looked for, where nothing happens."""
 
+ATTEMPT_SECONDS = 2.0
+"""Of one attempt to reach a scheduler that went away."""
 
-@dataclass(frozen=True)
-class Task:
-    """All that travels to a worker."""
-
-    function: Callable[[Any, Any], Any]
-    recipe: Recipe
-    payload: Any
-
-
-def run_task(task: Task) -> Any:
-    """The task's result, computed in a worker; what the function raises carries the worker as a note."""
-    try:
-        return task.function(context_of(task.recipe), task.payload)
-    except Exception as error:
-        error.add_note(f"worker {get_worker().address}")
-        raise
+Connect = Callable[[float, ExitStack], Client]
+"""A client within so many seconds, or `WorkersError`; the stack closes it."""
 
 
 class DaskExecutor:
-    """Runs tasks on the workers of a client; `open_dask` makes one."""
+    """Runs jobs on the workers of a cluster; `open_dask` makes one.
 
-    def __init__(self, client: Client, description: str, resources: ExitStack) -> None:
-        """`description` says where the workers are; `resources` closes the client and what it came with."""
-        self.description = description
-        self._client = client
-        self._resources = resources
+    place: says where the workers are, without their number
+    """
+
+    def __init__(
+        self, reach: Connect, place: Callable[[int], str], wait_seconds: float, hang_seconds: float, *, again: bool
+    ) -> None:
+        """`again`: whether `reach` may be called again, where the scheduler has gone away."""
+        self._reach, self._place, self._again = reach, place, again
+        self._wait_seconds = wait_seconds
+        self._dispatch = Dispatch(hang_seconds)
+        self._version = importlib.metadata.version(PACKAGE)
+        self._names: dict[Job, str] = {}
+        self._threads: dict[str, int] = {}
+        self._refused: set[str] = set()
+        self._incidents: list[Incident] = []
+        self._without_since: float | None = None
+        self._session: Session | None = self._connected(wait_seconds)
+
+    @property
+    def description(self) -> str:
+        return self._place(len(self._usable()))
 
     @property
     def processes(self) -> int:
         """The threads of all workers that are there now, at least 1."""
-        try:
-            return max(1, sum(self._client.nthreads().values()))
-        except OSError as error:
-            raise WorkersError(f"lost the connection to {self.description}: {error}") from error
+        return max(1, sum(self._usable().values()))
 
-    def run(
-        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Iterable[P], *, label: str
-    ) -> Iterator[tuple[int, R]]:
-        """See `Executor.run`."""
-        name = f"{key_prefix(label)}-{uuid4().hex}"
-        outstanding: dict[Future, int] = {}
-        try:
-            for index, payload in enumerate(payloads):
-                task = Task(function, recipe, payload)
-                outstanding[self._client.submit(run_task, task, key=(name, index), pure=False)] = index
-            for batch in as_completed(list(outstanding), loop=self._client.loop).batches():
-                for future, result in zip(batch, self._results(batch, outstanding, label), strict=True):
-                    index = outstanding.pop(future)
-                    future.release()
-                    yield index, result
-        except (OSError, CancelledError) as error:
-            raise WorkersError(
-                f"{label}: lost the connection to {self.description} with {len(outstanding)} tasks outstanding: "
-                "see whether the scheduler still runs, then start again"
-            ) from error
-        finally:
-            # What failed may be the very connection that a cancellation needs.
-            with suppress(Exception):
-                self._client.cancel(list(outstanding))
+    @property
+    def outstanding(self) -> int:
+        return self._dispatch.outstanding
 
-    def _results(self, batch: list[Future], indices: dict[Future, int], label: str) -> list[Any]:
-        for future in batch:
-            if future.status == "error":
-                raise _failure(label, indices[future], future.exception())
-        return self._client.gather(batch)
+    def submit(self, job: Job) -> None:
+        """See `Executor.submit`."""
+        # A scheduler remembers the first word for ever, so that what varies comes after it.
+        self._names[job] = f"{key_prefix(job.label)}-{uuid4().hex}"
+        self._dispatch.add(job)
+        self._send()
+
+    def wait(self, seconds: float) -> list[Done]:
+        """See `Executor.wait`."""
+        deadline = monotonic() + seconds
+        done: list[Done] = []
+        while not done and self.outstanding:
+            left = max(0.0, deadline - monotonic())
+            if self._session is None:
+                self._reconnect()
+            else:
+                for event in self._session.events(min(left, TICK)):
+                    done += self._handled(event)
+                done += self._dispatch.overdue(monotonic())
+                self._require_workers()
+            self._send()
+            if not left:
+                break
+        return done
+
+    def abandon(self) -> None:
+        """See `Executor.abandon`."""
+        self._dispatch.clear()
+        self._names.clear()
+        self._send()
+
+    def incidents(self) -> list[Incident]:
+        """See `Executor.incidents`."""
+        if self._dispatch.retries:
+            self._incidents.append(Incident("retry", str(self._dispatch.retries)))
+            self._dispatch.retries = 0
+        found, self._incidents = self._incidents, []
+        return found
 
     def close(self) -> None:
         """Closes the client, and the processes where we started them."""
-        self._resources.close()
+        if self._session is not None:
+            self._session.close()
+
+    # what goes out
+
+    def _send(self) -> None:
+        if self._session is None:
+            return
+        if threads := sum(self._usable().values()):
+            for submission in self._dispatch.submissions(threads, monotonic()):
+                self._submit(submission)
+        self._session.cancel(self._dispatch.cancelled)
+        self._dispatch.cancelled.clear()
+
+    def _submit(self, submission: Submission) -> None:
+        assert self._session is not None
+        batch, workers = submission.batch, None
+        if self._refused or submission.avoid:
+            workers = [address for address in self._usable() if address != submission.avoid] or None
+        task = Task(
+            function=batch.job.function,
+            recipe=batch.job.recipe,
+            items=batch.items,
+            key=submission.key,
+            topic=self._session.topic,
+            version=self._version,
+            limit=batch.limit,
+            suspect=batch.strikes > 0,
+        )
+        self._session.submit(submission.key, self._names[batch.job], task, workers)
+
+    def _usable(self) -> dict[str, int]:
+        return {address: n for address, n in self._threads.items() if address not in self._refused}
+
+    # what comes in
+
+    def _handled(self, event: Event) -> list[Done]:
+        dispatch = self._dispatch
+        match event:
+            case Began(key, worker):
+                dispatch.began(key, worker, monotonic())
+            case Finished(key, report):
+                return dispatch.finished(key, report.results, report.seconds)
+            case ResultLost(key):
+                dispatch.refused(key)
+            case Erred(key, error):
+                self._erred(key, error)
+            case WorkerDied(worker):
+                return dispatch.worker_died(worker)
+            case Workers(threads):
+                self._note_workers(threads)
+            case Disconnected():
+                self._disconnected()
+        return []
+
+    def _erred(self, key: str, error: BaseException) -> None:
+        """A whole task went wrong: not for one of its items, but for where it ran."""
+        batch = self._dispatch.batch(key)
+        if batch is None:
+            return
+        if isinstance(error, FittersError):
+            raise _failure(batch, error)
+        if isinstance(error, KilledWorker):
+            if not self._dispatch.dropped(key):
+                raise WorkersError(
+                    f"{batch.job.label}: worker processes died before they could begin, the last at"
+                    f" {error.last_worker.address}: see its log; materials that do not fit into its memory are the"
+                    " usual reason"
+                ) from error
+            return
+        if self._refuse_foreign_workers() or isinstance(error, ForeignWorkerError):
+            self._dispatch.refused(key)
+        elif not self._dispatch.dropped(key):
+            raise _failure(batch, error)
+
+    def _refuse_foreign_workers(self) -> bool:
+        """Gives workers with another package no more work; whether there were new ones."""
+        assert self._session is not None
+        found = self._session.foreign_workers(self._version)
+        new = found.keys() - self._refused
+        for address in sorted(new):
+            self._incidents.append(Incident("refused", f"worker {address} {found[address]}; it gets no work"))
+        self._refused |= new
+        return bool(new)
+
+    def _note_workers(self, threads: dict[str, int]) -> None:
+        joined, left = threads.keys() - self._threads.keys(), self._threads.keys() - threads.keys()
+        if joined or left:
+            counts = f"{len(joined)} joined, {len(left)} left, {len(threads)} there"
+            self._incidents.append(Incident("workers", counts))
+        self._threads = threads
+        self._without_since = None if self._usable() else self._without_since or monotonic()
+
+    def _require_workers(self) -> None:
+        """Raises where no worker has been there for longer than a run waits."""
+        if self._without_since is not None and monotonic() - self._without_since > self._wait_seconds:
+            raise WorkersError(
+                f"{self._place(0)} for {self._wait_seconds:g} s, with {self.outstanding} pieces of work"
+                " outstanding: start some, then start again; what was stored is kept"
+            )
+
+    # the connection
+
+    def _connected(self, seconds: float) -> Session:
+        with ExitStack() as resources:
+            client = self._reach(seconds, resources)
+            require_same_package(client)
+            self._threads = dict(client.nthreads())
+            self._without_since = None
+            return Session(client, resources.pop_all())
+
+    def _disconnected(self) -> None:
+        """All that was out will go out again, through another connection."""
+        if self._session is None:
+            return
+        with suppress(Exception):
+            self._session.close()
+        self._session = None
+        self._dispatch.scheduler_lost()
+        self._dispatch.cancelled.clear()
+        self._without_since = monotonic()
+        self._incidents.append(Incident("scheduler", f"lost the connection to {self._place(len(self._threads))}"))
+
+    def _reconnect(self) -> None:
+        """One attempt. Raises `WorkersError` where the scheduler has been away for longer than a run waits."""
+        assert self._without_since is not None
+        since = self._without_since
+        try:
+            if not self._again:
+                raise WorkersError("its scheduler was part of this process")
+            self._session = self._connected(ATTEMPT_SECONDS)
+        except WorkersError as error:
+            self._without_since = since
+            if not self._again or monotonic() - since > self._wait_seconds:
+                raise WorkersError(
+                    f"lost the connection to {self._place(len(self._threads))} with {self.outstanding} pieces of"
+                    f" work outstanding: {error}; what was stored is kept"
+                ) from error
+            return
+        back = f"back after {monotonic() - since:.0f} s: {self.description}"
+        self._incidents.append(Incident("scheduler", back))
 
 
-def open_dask(scheduler: str | None, workers: int | None, wait_seconds: float) -> DaskExecutor:
+def open_dask(
+    scheduler: str | None, workers: int | None, wait_seconds: float, hang_seconds: float
+) -> DaskExecutor:
     """An executor on the scheduler at that address, or, for None, on fresh processes of this machine.
 
     Raises `WorkersError` where that fails within `wait_seconds` or another gpsearch is installed there.
     """
-    with ExitStack() as resources:
+
+    def reach(seconds: float, resources: ExitStack) -> Client:
         if scheduler is None:
-            client = start_processes(workers, wait_seconds, resources)
-        else:
-            client = connect(scheduler, wait_seconds, resources)
-        require_same_package(client)
-        count = len(client.nthreads())
+            return start_processes(workers, seconds, resources)
+        return connect(scheduler, seconds, resources)
+
+    def place(count: int) -> str:
         if scheduler is None:
-            description = f"{count} worker process{'es' * (count != 1)} on this machine"
-        else:
-            description = f"{scheduler} with {count} worker{'s' * (count != 1)}"
-        kept = resources.pop_all()
-    return DaskExecutor(client, description, kept)
+            return f"{count or 'no'} worker process{'es' * (count != 1)} on this machine"
+        return f"{scheduler} with {count or 'no'} worker{'s' * (count != 1)}"
+
+    return DaskExecutor(reach, place, wait_seconds, hang_seconds, again=scheduler is not None)
 
 
 def key_prefix(label: str) -> str:
     """`label` as the start of a task key: letters, digits and dashes, a letter first.
 
     Dask's dashboard groups tasks by the key's leading dash-separated words that hold letters only
-    (`dask.utils.key_split`): `fit-island2-generation7` counts as `fit`. Since a scheduler remembers every
+    (`dask.utils.key_split`): `screen-island2-generation7` counts as `screen`. Since a scheduler remembers every
     such prefix for ever, put what varies after them.
     """
     key = re.sub(r"[^A-Za-z0-9]+", "-", label).strip("-")
     return key if key[:1].isalpha() else f"task-{key}"
 
 
-def _failure(label: str, index: int, error: BaseException) -> WorkersError:
-    if isinstance(error, KilledWorker):
-        failure = WorkersError(
-            f"{label}: task {index} was given up after {error.allowed_failures + 1} worker processes died "
-            f"running it, the last at {error.last_worker.address}: see its log; memory is the usual reason"
-        )
-    elif isinstance(error, (NoValidWorkerError, NoWorkerError)):
-        failure = WorkersError(f"{label}: task {index} found no worker any more: start some, then start again")
-    else:
-        where = next(iter(getattr(error, "__notes__", ())), "a worker")
-        failure = task_failed(label, index, error, where)
+def _failure(batch: Batch, error: BaseException) -> WorkersError:
+    where = next(iter(getattr(error, "__notes__", ())), "a worker")
+    failure = task_failed(batch.job.label, batch.indices[0], error, where)
     failure.__cause__ = error
     return failure

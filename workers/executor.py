@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Protocol, TypeVar
+from typing import Protocol
 
-from workers.context import Recipe
+from workers.jobs import Done, Incident, Job
 from workers.local import LocalExecutor
-
-P = TypeVar("P")
-R = TypeVar("R")
 
 
 class Executor(Protocol):
@@ -25,16 +22,25 @@ class Executor(Protocol):
     def processes(self) -> int:
         """How many tasks run at once now, at least 1."""
 
-    def run(
-        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Iterable[P], *, label: str
-    ) -> Iterator[tuple[int, R]]:
-        """Yields (index, function(context, payload)) as they complete, each index once.
+    @property
+    def outstanding(self) -> int:
+        """How many items were asked for and have no result yet."""
 
-        `context` is what `recipe` builds in the process that runs the task. Work starts with the first `next`, on
-        a cluster while `payloads` is still being drawn from; closing the iterator gives up what is outstanding.
-        `label` names the work in messages and on the dashboard. Raises `WorkersError` where the function raises
-        or the work cannot go on.
+    def submit(self, job: Job) -> None:
+        """Asks for the items of a job, after those that were asked for before."""
+
+    def wait(self, seconds: float) -> list[Done]:
+        """Results that have come in since, in any order, each item once; waits about so long for a first one.
+
+        An item that raises, crashes or hangs wherever it is computed has a `Failure` for a result. Raises
+        `WorkersError` where the work cannot go on: bad input, no scheduler or no worker for too long.
         """
+
+    def abandon(self) -> None:
+        """Gives up what is outstanding."""
+
+    def incidents(self) -> list[Incident]:
+        """What has happened to the cluster since this was last asked for."""
 
     def close(self) -> None:
         """Lets go of the processes; nothing can be run afterwards."""
@@ -54,11 +60,9 @@ class DaskSettings:
     workers: int | None = None
     """How many processes to start where `scheduler` is None; None is one per core."""
     wait_seconds: float = 60.0
-    """How long to wait, in all, for the scheduler and a first worker.
-
-    Processes of this machine may also be gone for so long before a run fails. A running cluster that loses all
-    its workers waits for new ones, unless its scheduler's own `no-workers-timeout` says otherwise.
-    """
+    """How long to wait for the scheduler and a first worker; they may be away for so long later on, too."""
+    hang_seconds: float = 60.0
+    """What takes longer than this, and 30 times what it should, is taken to hang."""
 
 
 Settings = LocalSettings | DaskSettings
@@ -78,7 +82,9 @@ def open_executor(settings: Settings) -> Iterator[Executor]:
             # distributed takes most of a second to import, which a run in this process need not pay.
             from workers.dask_executor import open_dask
 
-            executor = open_dask(settings.scheduler, settings.workers, settings.wait_seconds)
+            executor = open_dask(
+                settings.scheduler, settings.workers, settings.wait_seconds, settings.hang_seconds
+            )
     try:
         yield executor
     finally:

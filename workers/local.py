@@ -2,32 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any, TypeVar
+from collections import deque
+from typing import Any
 
-from workers.context import Recipe, context_of
+from workers.attempt import RAISES, Raised, attempt
+from workers.context import context_of
 from workers.errors import task_failed
-
-P = TypeVar("P")
-R = TypeVar("R")
+from workers.jobs import Done, Failure, Incident, Job
 
 
 class LocalExecutor:
-    """Runs each task in this process when its result is asked for, in order."""
+    """Runs items in this process when results are waited for, in order.
+
+    What a function raises costs its item alone, as on a cluster; what crashes or hangs takes this process with it.
+    """
 
     description = "this process"
     processes = 1
 
-    def run(
-        self, function: Callable[[Any, P], R], recipe: Recipe, payloads: Iterable[P], *, label: str
-    ) -> Iterator[tuple[int, R]]:
-        """See `Executor.run`; the indices come in order."""
-        for index, payload in enumerate(payloads):
+    def __init__(self) -> None:
+        self._waiting: deque[tuple[Job, int]] = deque()
+
+    @property
+    def outstanding(self) -> int:
+        return len(self._waiting)
+
+    def submit(self, job: Job) -> None:
+        """See `Executor.submit`."""
+        self._waiting += ((job, index) for index in range(len(job.items)))
+
+    def wait(self, seconds: float) -> list[Done]:
+        """See `Executor.wait`: the next item, however long it takes."""
+        if not self._waiting:
+            return []
+        job, index = self._waiting.popleft()
+        return [Done(job, index, self._result(job, index))]
+
+    def _result(self, job: Job, index: int) -> Any:
+        for _ in range(RAISES):
             try:
-                result = function(context_of(recipe), payload)
+                result = attempt(job.function, context_of(job.recipe), job.items[index])
             except Exception as error:
-                raise task_failed(label, index, error, self.description) from error
-            yield index, result
+                raise task_failed(job.label, index, error, self.description) from error
+            if not isinstance(result, Raised):
+                return result
+        return Failure(f"raised {result.text}")
+
+    def abandon(self) -> None:
+        """See `Executor.abandon`."""
+        self._waiting.clear()
+
+    def incidents(self) -> list[Incident]:
+        """Nothing happens here."""
+        return []
 
     def close(self) -> None:
         """Nothing to let go of."""

@@ -44,8 +44,7 @@ class QuietNanny(Nanny):
 def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) -> Client:
     """A client of `workers` fresh processes of this machine (None: one per core); `stack` closes both.
 
-    Each process has one thread and an equal share of the memory, and is restarted when it dies. Where none
-    is there for `wait_seconds`, tasks fail.
+    Each process has one thread and an equal share of the memory, and is restarted when it dies.
     """
     count = CPU_COUNT if workers is None else workers
     if count < 1:
@@ -55,9 +54,8 @@ def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) 
         dask.config.set(
             {
                 # The cluster would drop a process for good that is down when looked at some time after a death,
-                # though it is only restarting once more; where none comes back, the scheduler fails the tasks.
+                # though it is only restarting once more.
                 "distributed.deploy.lost-worker-timeout": "365 days",
-                "distributed.scheduler.no-workers-timeout": f"{wait_seconds} s",
             }
         )
     )

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from fitters.engine.warm import warm_up
 from fitters.fits.problem import FitProblem, fit_problem
 from fitters.materials import load_material
 from fitters.scenes import Scene, light_table
@@ -22,7 +23,11 @@ class ProblemRecipe:
 
 
 def build_problem(recipe: ProblemRecipe) -> FitProblem:
-    """The problem of a recipe. Raises `FittersError` for a file that is missing or bad."""
+    """The problem of a recipe, and the engine made ready for it.
+
+    Raises `FittersError` for a file that is missing or bad.
+    """
+    warm_up()
     folder = Path(recipe.folder)
     return fit_problem(
         [load_material(reference, base=folder) for reference in recipe.materials],

@@ -43,15 +43,6 @@ class Candidate:
     near: Columns | None = None
 
 
-@dataclass(frozen=True)
-class ScreenJob:
-    """Candidates to fit, all with the same bounds (name, low, high) and settings."""
-
-    candidates: tuple[Candidate, ...]
-    bounds: tuple[tuple[str, float, float], ...]
-    settings: FitSettings
-
-
 @dataclass(frozen=True, eq=False)
 class ConfirmJob:
     """A job of one expression to fit on all cells, its parameters if it was screened, and what it must beat.
@@ -90,21 +81,19 @@ class Description:
     cost_ns: float
 
 
-def screen(problem: FitProblem, job: ScreenJob) -> list[Fit]:
-    """The fits of a job's candidates on the small sample."""
-    bounds = {name: (low, high) for name, low, high in job.bounds}
-    return [
-        fit(
-            parse(candidate.expression),
-            problem.sample,
-            problem.metric,
-            bounds,
-            job.settings,
-            near=candidate.near,
-            bar=candidate.bar,
-        )
-        for candidate in job.candidates
-    ]
+def screen(
+    problem: FitProblem, candidate: Candidate, *, bounds: tuple[tuple[str, float, float], ...], settings: FitSettings
+) -> Fit:
+    """The fit of a candidate on the small sample, its parameters within bounds (name, low, high)."""
+    return fit(
+        parse(candidate.expression),
+        problem.sample,
+        problem.metric,
+        {name: (low, high) for name, low, high in bounds},
+        settings,
+        near=candidate.near,
+        bar=candidate.bar,
+    )
 
 
 def confirm(problem: FitProblem, task: ConfirmJob) -> Confirmed:

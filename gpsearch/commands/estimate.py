@@ -5,7 +5,7 @@ import time
 
 import click
 
-from fitters.fits import Candidate, build_problem, screen
+from fitters.fits import Candidate, build_problem
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
@@ -21,9 +21,10 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
     founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
     candidates = [Candidate(founder.canonical.text) for founder in founders]
     # The first fit compiles or loads the engine.
-    screen(problem, planned.screening(*candidates[:1]))
+    planned.screen(problem, candidates[0])
     began = time.perf_counter()
-    screen(problem, planned.screening(*candidates))
+    for candidate in candidates:
+        planned.screen(problem, candidate)
     rate = len(founders) / (time.perf_counter() - began)
     processes, where = _processes(configuration)
     search, budget = configuration.search, planned.budget

@@ -67,7 +67,7 @@ def _store(folder: Path, configuration: Configuration) -> Store:
             store.configuration, source=str(store.path), folder=configuration.folder, check_files=False
         )
         conflicts = configuration.conflicts(before)
-        if conflicts and not store.totals()[0]:
+        if conflicts and not store.totals()[1]:
             # Nothing was found yet: whoever mends a configuration that failed at its first launch starts anew.
             store.clear()
         elif conflicts:

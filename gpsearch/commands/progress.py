@@ -8,6 +8,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 
 from gpsearch.search.plan import Budget
 from gpsearch.search.search import Standing
+from workers import Incident
 
 PLAIN_SECONDS = 10.0
 """Without a terminal a line is written at most so often; the last generation always has one."""
@@ -41,7 +42,7 @@ class ProgressWatcher:
     ) -> None:
         self.live.stop()
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int | None) -> None:
         self.live.reset(self.task, description=name, total=total)
 
     def step(self, count: int) -> None:
@@ -53,6 +54,11 @@ class ProgressWatcher:
         if self.console.is_terminal or last or now - self.printed >= PLAIN_SECONDS:
             self.printed = now
             self.console.print(self._line(standing))
+
+    def incident(self, incident: Incident) -> None:
+        """What a person should know while it happens; all of it is in the event log."""
+        if incident.kind != "retry":
+            self.console.print(f"{incident.kind}: {incident.detail}")
 
     def _line(self, standing: Standing) -> str:
         members = standing.front.members

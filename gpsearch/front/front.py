@@ -34,6 +34,10 @@ class Screened:
     standard_error: float = 0.0
 
 
+def _order(member: Member) -> tuple[int, float, str, int, int]:
+    return (member.nodes, member.error, member.expression, member.generation, member.island)
+
+
 SAME = 1e-4
 """Relative difference up to which two errors on one sample count as one."""
 
@@ -45,10 +49,12 @@ class Front:
     members: tuple[Member, ...] = ()
 
     def updated(self, candidates: Iterable[Member]) -> "Front":
-        """The front of the members and the candidates together; of equals in both the first by text stays."""
-        pool = {member.expression: member for member in (*candidates, *self.members)}
+        """The front of the members and the candidates together, the same in whatever order they come.
+
+        Of equals in both the first by text stays, and of the same expression the oldest.
+        """
         kept: list[Member] = []
-        for member in sorted(pool.values(), key=lambda m: (m.nodes, m.error, m.expression)):
+        for member in sorted((*self.members, *candidates), key=_order):
             if member.error < (kept[-1].error if kept else float("inf")):
                 kept.append(member)
         return Front(tuple(kept))

@@ -1,13 +1,14 @@
 """The store of a run: one SQLite file with all that the run needs to go on.
 
-One process writes (WAL, a transaction per generation), any number may read. What it holds is the state after the
-last whole generation; nothing in it is pickled.
+One process writes (WAL, a transaction per generation of an island), any number may read. It holds the state of
+every island after its last whole generation; nothing in it is pickled. Fits and confirmed candidates are only ever
+added, with their island and generation, so that what an island knew at any time can be told from them.
 """
 
 import json
 import sqlite3
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -16,10 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.fits import Description
+from gpsearch import __version__
 from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Island
 from gpsearch.front.baselines import Baseline
-from gpsearch.front.front import Front
+from gpsearch.front.front import Front, Member
+from gpsearch.front.known import Known
 from gpsearch.front.records import (
     baseline_json,
     description_json,
@@ -31,39 +34,76 @@ from gpsearch.front.records import (
     read_member,
 )
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 FILE = "run.sqlite"
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE islands (number INTEGER PRIMARY KEY, generation INTEGER NOT NULL, population TEXT NOT NULL);
 CREATE TABLE fits (
-    canonical TEXT PRIMARY KEY, error REAL NOT NULL, standard_error REAL NOT NULL, bar REAL NOT NULL,
-    parameters BLOB NOT NULL, nodes INTEGER, generation INTEGER
+    canonical TEXT NOT NULL, island INTEGER NOT NULL, generation INTEGER NOT NULL, error REAL NOT NULL,
+    standard_error REAL NOT NULL, bar REAL NOT NULL, parameters BLOB NOT NULL,
+    PRIMARY KEY (canonical, island, generation)
 ) WITHOUT ROWID;
-CREATE TABLE front (expression TEXT PRIMARY KEY, member TEXT NOT NULL, description TEXT) WITHOUT ROWID;
+CREATE TABLE seen (
+    canonical TEXT NOT NULL, island INTEGER NOT NULL, generation INTEGER NOT NULL, nodes INTEGER NOT NULL,
+    PRIMARY KEY (canonical, island, generation)
+) WITHOUT ROWID;
+CREATE TABLE confirmed (
+    expression TEXT NOT NULL, island INTEGER NOT NULL, generation INTEGER NOT NULL, member TEXT NOT NULL,
+    PRIMARY KEY (expression, island, generation)
+) WITHOUT ROWID;
+CREATE TABLE descriptions (expression TEXT PRIMARY KEY, description TEXT NOT NULL) WITHOUT ROWID;
+CREATE TABLE quarantine (
+    expression TEXT NOT NULL, stage TEXT NOT NULL, reason TEXT NOT NULL, island INTEGER, generation INTEGER,
+    PRIMARY KEY (expression, stage)
+) WITHOUT ROWID;
 CREATE TABLE baselines (name TEXT PRIMARY KEY, baseline TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE generations (
-    generation INTEGER PRIMARY KEY, candidates INTEGER NOT NULL, fitted INTEGER NOT NULL,
+    island INTEGER NOT NULL, generation INTEGER NOT NULL, candidates INTEGER NOT NULL, fitted INTEGER NOT NULL,
     given_up INTEGER NOT NULL, confirmed INTEGER NOT NULL, best REAL NOT NULL, seconds REAL NOT NULL,
-    stages TEXT NOT NULL
-);
+    stages TEXT NOT NULL, PRIMARY KEY (island, generation)
+) WITHOUT ROWID;
 CREATE TABLE events (time REAL NOT NULL, kind TEXT NOT NULL, detail TEXT NOT NULL);
 """
+
+TABLES = (
+    "islands",
+    "fits",
+    "seen",
+    "confirmed",
+    "descriptions",
+    "quarantine",
+    "baselines",
+    "generations",
+    "events",
+)
+
+
+@dataclass(frozen=True)
+class Quarantined:
+    """A candidate that could not be computed: it raised, crashed or hung. Baselines have no island."""
+
+    expression: str
+    stage: str
+    reason: str
+    island: int | None = None
+    generation: int | None = None
 
 
 @dataclass(frozen=True)
 class Generation:
-    """What a generation has cost and brought.
+    """What a generation of an island has cost and brought.
 
     candidates: individuals bred
     fitted:     of them, those whose canonical expression had to be fitted; the others were known
     given_up:   of these, those whose fit was stopped early
     confirmed:  fitted on all cells
     best:       smallest error of the population, on the small sample
-    seconds:    of wall time, split in `stages`
+    seconds:    of wall time, split in `stages`; islands share them
     """
 
+    island: int
     generation: int
     candidates: int
     fitted: int
@@ -95,6 +135,7 @@ class Store:
                     "schema": str(SCHEMA_VERSION),
                     "configuration": configuration,
                     "created": str(time.time()),
+                    "package": __version__,
                 }
                 connection.executemany("INSERT INTO meta VALUES (?, ?)", values.items())
             part.rename(path)
@@ -120,17 +161,17 @@ class Store:
         if found is None or found[0] != str(SCHEMA_VERSION):
             version = "none" if found is None else found[0]
             raise GpsearchError(
-                f"{path}: its schema version is {version}, this gpsearch reads {SCHEMA_VERSION};"
-                " install the version of gpsearch that wrote it"
+                f"{path}: its schema version is {version}, this gpsearch ({__version__}) reads {SCHEMA_VERSION};"
+                f" {_whom_to_install(connection)}"
             )
         return cls(path, connection)
 
     def clear(self) -> None:
         """Forgets all but what kind of store this is."""
         with self.transaction():
-            for table in ("islands", "fits", "front", "baselines", "generations", "events"):
+            for table in TABLES:
                 self._connection.execute(f"DELETE FROM {table}")
-            self._connection.execute("DELETE FROM meta WHERE key = 'seconds'")
+            self._connection.execute("DELETE FROM meta WHERE key IN ('seconds', 'migrations')")
 
     def close(self) -> None:
         self._connection.close()
@@ -142,6 +183,11 @@ class Store:
             with self._connection:
                 self._connection.execute("BEGIN IMMEDIATE")
                 yield
+        except sqlite3.IntegrityError as error:
+            # Fits and generations are only ever added: whatever is there already, someone else has found.
+            raise GpsearchError(
+                f"{self.path}: another gpsearch has gone on with this run ({error}); leave it to one of them"
+            ) from None
         except sqlite3.Error as error:
             raise GpsearchError(
                 f"{self.path}: cannot be written ({error}); the last whole generation is safe, the same command"
@@ -175,71 +221,95 @@ class Store:
         rows = [(island.number, island.generation, population_text(island.population)) for island in islands]
         self._connection.executemany("INSERT OR REPLACE INTO islands VALUES (?, ?, ?)", rows)
 
+    @property
+    def migrations(self) -> int:
+        """How often the islands have exchanged what they know."""
+        return int(self.meta("migrations") or 0)
+
+    def save_migrations(self, count: int) -> None:
+        self.set_meta("migrations", str(count))
+
     # fits
 
-    def fits(self) -> dict[str, tuple[float, float, float]]:
-        """Error, its standard error and the bar of every fit, by canonical expression.
+    def fits(self) -> Iterator[tuple[str, Known]]:
+        """Every fit with its canonical expression; of some expressions there are several."""
+        query = "SELECT canonical, error, standard_error, bar, island, generation FROM fits"
+        for canonical, *known in self._connection.execute(query):
+            yield canonical, Known(*known)
 
-        The bar is infinite where the fit was finished.
-        """
-        rows = self._connection.execute("SELECT canonical, error, standard_error, bar FROM fits")
-        return {canonical: tuple(known) for canonical, *known in rows}
-
-    def seen(self) -> dict[str, int]:
-        """Smallest sizes of the expressions that occurred in whole generations, by canonical expression.
-
-        Others were fitted in a generation that was broken off.
-        """
-        return dict(self._connection.execute("SELECT canonical, nodes FROM fits WHERE generation >= 0"))
-
-    def parameters(self, canonical: Sequence[str], targets: int) -> dict[str, NDArray[np.float32]]:
+    def parameters(self, fits: Mapping[str, Known], targets: int) -> dict[str, NDArray[np.float32]]:
         """Parameters (targets, parameters) of stored fits, by canonical expression."""
+        query = "SELECT parameters FROM fits WHERE canonical = ? AND island = ? AND generation = ?"
         found = {}
-        for expression in canonical:
-            query = "SELECT parameters FROM fits WHERE canonical = ?"
-            row = self._connection.execute(query, (expression,)).fetchone()
+        for canonical, known in fits.items():
+            row = self._connection.execute(query, (canonical, known.island, known.generation)).fetchone()
             if row is not None:
-                found[expression] = np.frombuffer(row[0], np.float32).reshape(targets, -1)
+                found[canonical] = np.frombuffer(row[0], np.float32).reshape(targets, -1)
         return found
 
-    def save_fits(self, rows: Iterable[tuple[str, float, float, float, NDArray[np.float32]]]) -> None:
-        """Canonical expressions, errors, their standard errors, bars and parameters."""
+    def save_fits(self, rows: Iterable[tuple[str, Known, NDArray[np.float32]]]) -> None:
+        """Canonical expressions, fits and their parameters."""
         self._connection.executemany(
-            "INSERT INTO fits VALUES (?, ?, ?, ?, ?, NULL, NULL) ON CONFLICT (canonical) DO UPDATE"
-            " SET error = excluded.error, standard_error = excluded.standard_error, bar = excluded.bar,"
-            " parameters = excluded.parameters",
-            [(*known, values.tobytes()) for *known, values in rows],
+            "INSERT INTO fits VALUES (?, ?, ?, ?, ?, ?, ?)",
+            [
+                (key, fit.island, fit.generation, fit.error, fit.standard_error, fit.bar, values.tobytes())
+                for key, fit, values in rows
+            ],
         )
 
-    def save_seen(self, nodes: Mapping[str, int], generation: int) -> None:
-        """Sizes by canonical expression of what occurred in a whole generation."""
-        self._connection.executemany(
-            "UPDATE fits SET nodes = ?, generation = coalesce(generation, ?) WHERE canonical = ?",
-            [(count, generation, canonical) for canonical, count in nodes.items()],
-        )
+    def seen(self) -> Iterator[tuple[str, int, int, int]]:
+        """(canonical expression, island, generation, nodes) of whatever was new to an island, or smaller."""
+        yield from self._connection.execute("SELECT canonical, island, generation, nodes FROM seen")
+
+    def save_seen(self, nodes: Mapping[str, int], island: int, generation: int) -> None:
+        """Sizes by canonical expression."""
+        rows = [(canonical, island, generation, count) for canonical, count in nodes.items()]
+        self._connection.executemany("INSERT INTO seen VALUES (?, ?, ?, ?)", rows)
 
     # the front and its descriptions
 
-    def front(self) -> Front:
-        rows = self._connection.execute("SELECT member FROM front")
-        return Front().updated(read_member(json.loads(row[0])) for row in rows)
+    def confirmed(self) -> list[tuple[int, int, Member]]:
+        """(island, generation, candidate) of what was confirmed; what is beaten by others is dropped in time."""
+        rows = self._connection.execute("SELECT island, generation, member FROM confirmed")
+        return [(island, generation, read_member(json.loads(text))) for island, generation, text in rows]
 
-    def save_front(self, front: Front) -> None:
-        """Writes new members and drops those that left; descriptions of those that stay are kept."""
+    def front(self) -> Front:
+        return Front().updated(member for _, _, member in self.confirmed())
+
+    def save_confirmed(self, members: Iterable[Member], island: int, generation: int) -> None:
+        rows = [(m.expression, island, generation, json.dumps(member_json(m))) for m in members]
+        self._connection.executemany("INSERT INTO confirmed VALUES (?, ?, ?, ?)", rows)
+
+    def keep_confirmed(self, front: Front) -> None:
+        """Drops what is not on a front."""
         kept = {member.expression for member in front.members}
-        there = {row[0] for row in self._connection.execute("SELECT expression FROM front")}
-        self._connection.executemany("DELETE FROM front WHERE expression = ?", [(e,) for e in there - kept])
-        rows = [(m.expression, json.dumps(member_json(m))) for m in front.members if m.expression not in there]
-        self._connection.executemany("INSERT INTO front VALUES (?, ?, NULL)", rows)
+        for table in ("confirmed", "descriptions"):
+            there = {row[0] for row in self._connection.execute(f"SELECT expression FROM {table}")}
+            self._connection.executemany(f"DELETE FROM {table} WHERE expression = ?", [(e,) for e in there - kept])
+
+    def drop_confirmed(self, expression: str) -> None:
+        self._connection.execute("DELETE FROM confirmed WHERE expression = ?", (expression,))
 
     def descriptions(self) -> dict[str, Description]:
         """What is known in full of front members, by expression."""
-        rows = self._connection.execute("SELECT expression, description FROM front WHERE description IS NOT NULL")
+        rows = self._connection.execute("SELECT expression, description FROM descriptions")
         return {expression: read_description(json.loads(text)) for expression, text in rows}
 
     def save_description(self, expression: str, description: Description) -> None:
         text = json.dumps(description_json(description))
-        self._connection.execute("UPDATE front SET description = ? WHERE expression = ?", (text, expression))
+        self._connection.execute("INSERT OR REPLACE INTO descriptions VALUES (?, ?)", (expression, text))
+
+    # quarantine
+
+    def quarantined(self) -> list[Quarantined]:
+        rows = self._connection.execute(
+            "SELECT expression, stage, reason, island, generation FROM quarantine ORDER BY generation, island"
+        )
+        return [Quarantined(*row) for row in rows]
+
+    def save_quarantined(self, candidates: Iterable[Quarantined]) -> None:
+        rows = [astuple(candidate) for candidate in candidates]
+        self._connection.executemany("INSERT OR REPLACE INTO quarantine VALUES (?, ?, ?, ?, ?)", rows)
 
     # baselines
 
@@ -257,28 +327,21 @@ class Store:
     def save_generation(self, row: Generation) -> None:
         values = (*astuple(row)[:-1], json.dumps(row.stages))
         marks = ", ".join("?" * len(values))
-        self._connection.execute(f"INSERT OR REPLACE INTO generations VALUES ({marks})", values)
+        self._connection.execute(f"INSERT INTO generations VALUES ({marks})", values)
 
     def generations(self) -> list[Generation]:
-        """The history, oldest first."""
-        rows = self._connection.execute("SELECT * FROM generations ORDER BY generation")
+        """The history by generation, then island."""
+        rows = self._connection.execute("SELECT * FROM generations ORDER BY generation, island")
         names = [field.name for field in fields(Generation)]
         found = [dict(zip(names, row, strict=True)) for row in rows]
         return [Generation(**(row | {"stages": json.loads(row["stages"])})) for row in found]
 
-    def require_generation(self, generation: int) -> None:
-        """Raises `GpsearchError` where another process has gone on from there; call it in a transaction."""
-        found = self._connection.execute("SELECT MAX(generation) FROM generations").fetchone()[0] or 0
-        if found != generation:
-            raise GpsearchError(
-                f"{self.path}: another gpsearch runs here, which is at generation {found}; leave it to one of them"
-            )
-
     def totals(self) -> tuple[int, int, int]:
-        """Generations, candidates, and candidates fitted (the rest were known) so far."""
-        row = self._connection.execute("SELECT COUNT(*), TOTAL(candidates), TOTAL(fitted) FROM generations")
-        generations, candidates, fitted = row.fetchone()
-        return int(generations), int(candidates), int(fitted)
+        """Generations that all islands have, candidates, and candidates fitted (the rest were known) so far."""
+        row = self._connection.execute("SELECT TOTAL(candidates), TOTAL(fitted) FROM generations")
+        candidates, fitted = row.fetchone()
+        whole = self._connection.execute("SELECT MIN(generation) FROM islands").fetchone()[0]
+        return int(whole or 0), int(candidates), int(fitted)
 
     @property
     def seconds(self) -> float:
@@ -294,6 +357,16 @@ class Store:
     def events(self) -> list[tuple[float, str, str]]:
         """(seconds since the epoch, kind, detail), oldest first."""
         return list(self._connection.execute("SELECT time, kind, detail FROM events ORDER BY rowid"))
+
+
+def _whom_to_install(connection: sqlite3.Connection) -> str:
+    """What reads a store of another schema version."""
+    try:
+        found = connection.execute("SELECT value FROM meta WHERE key = 'package'").fetchone()
+    except sqlite3.Error:
+        found = None
+    written = f"gpsearch {found[0]}, which wrote it" if found else "the version of gpsearch that wrote it"
+    return f"install {written}, or name another directory with --run"
 
 
 def _connect(path: Path) -> sqlite3.Connection:

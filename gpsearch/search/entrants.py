@@ -1,6 +1,6 @@
-"""The expressions that enter a generation: of every canonical form one."""
+"""The expressions that enter a generation of an island: of every canonical form one."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from fitters.expressions import parse
@@ -52,13 +52,10 @@ class Entrant:
         )
 
 
-def entrants(
-    islands: Sequence[Island], broods: Sequence[Sequence[Offspring]], starts: Iterable[str]
-) -> dict[str, Entrant]:
+def entrants(island: Island, brood: Iterable[Offspring], starts: Iterable[str]) -> dict[str, Entrant]:
     """The smallest expression of every canonical form that occurs, the first of equals, by that form."""
     every = [Entrant.of_start(start) for start in starts]
-    for island, brood in zip(islands, broods, strict=True):
-        every += [Entrant.of(child, island) for child in brood]
+    every += [Entrant.of(child, island) for child in brood]
     found: dict[str, Entrant] = {}
     for entrant in every:
         before = found.get(entrant.canonical.text)

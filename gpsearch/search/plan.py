@@ -1,10 +1,13 @@
 """A configuration turned into what the search and its workers take."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
+from math import ceil
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import formula
-from fitters.fits import Candidate, FitJob, FitSettings, ProblemRecipe, ScreenJob, build_problem
+from fitters.fits import Candidate, Fit, FitJob, FitProblem, FitSettings, ProblemRecipe, build_problem, screen
 from gpsearch.configuration import Configuration
 from gpsearch.evolution.island import Breeding
 from gpsearch.evolution.seeds import cells_seed
@@ -43,9 +46,18 @@ class Plan:
         """The fit of expressions: every parameter has the search's bounds."""
         return FitJob(expressions, self.bounds, self.settings)
 
-    def screening(self, *candidates: Candidate) -> ScreenJob:
-        """The screening of candidates, likewise."""
-        return ScreenJob(candidates, self.bounds, self.settings)
+    @property
+    def screen(self) -> Callable[[FitProblem, Candidate], Fit]:
+        """The screening of a candidate, likewise."""
+        return partial(screen, bounds=self.bounds, settings=self.settings)
+
+    @property
+    def last_generation(self) -> int | None:
+        """The generation after which the budget of generations or candidates is used up."""
+        limits = [self.budget.generations]
+        if self.budget.candidates is not None:
+            limits.append(ceil(self.budget.candidates / (self.islands * self.breeding.size)))
+        return min((limit for limit in limits if limit is not None), default=None)
 
     def formula_job(self, name: str) -> FitJob:
         """The fit of a catalogue formula within its own bounds."""

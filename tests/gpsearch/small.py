@@ -17,7 +17,7 @@ from gpsearch.configuration import Configuration, parse_configuration
 from gpsearch.front import Store
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search, Standing
-from workers import Executor
+from workers import Executor, Incident
 from workers.local import LocalExecutor
 
 GPSEARCH = str(Path(sys.executable).with_name("gpsearch"))
@@ -51,12 +51,13 @@ class Watching:
     """A watcher that remembers what it was told and calls `then` with every event's name."""
 
     def __init__(self, then: Callable[[str], None] = lambda event: None) -> None:
-        self.stages: list[tuple[str, int]] = []
+        self.stages: list[tuple[str, int | None]] = []
+        self.incidents: list[Incident] = []
         self.standings: list[Standing] = []
         self.steps = 0
         self.then = then
 
-    def stage(self, name: str, total: int) -> None:
+    def stage(self, name: str, total: int | None) -> None:
         self.stages.append((name, total))
         self.then(name)
 
@@ -67,6 +68,10 @@ class Watching:
     def generation(self, standing: Standing) -> None:
         self.standings.append(standing)
         self.then(f"stored {standing.generation}")
+
+    def incident(self, incident: Incident) -> None:
+        self.incidents.append(incident)
+        self.then("incident")
 
 
 def run_search(

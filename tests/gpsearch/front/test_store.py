@@ -17,7 +17,16 @@ from fitters.fits import Description, Fit
 from fitters.fits.checks import Checks
 from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Individual, Island
-from gpsearch.front import FormulaBaseline, Front, Generation, Member, Store, TabulatedBaseline
+from gpsearch.front import (
+    FormulaBaseline,
+    Front,
+    Generation,
+    Known,
+    Member,
+    Quarantined,
+    Store,
+    TabulatedBaseline,
+)
 from gpsearch.front.records import description_json
 from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
 
@@ -55,7 +64,7 @@ def same(one: Fit, other: Fit) -> bool:
 def test_a_new_store_is_empty(store):
     read = again(store)
     assert read.configuration == "name: x\n"
-    assert (read.islands(), read.fits(), read.seen(), read.front().members) == ((), {}, {}, ())
+    assert (read.islands(), [*read.fits()], [*read.seen()], read.front().members) == ((), [], [], ())
     assert (read.totals(), read.seconds, read.events(), read.baselines()) == ((0, 0, 0), 0.0, [], {})
 
 
@@ -67,11 +76,14 @@ def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
     islands = (Island(0, 3, population), Island(1, 3, population[::-1]))
     with store.transaction():
         store.save_islands(islands)
-        store.save_fits((i.expression, i.error, 0.01, inf, np.float32([[i.error, 2.0]] * 3)) for i in population)
+        fits = {i.expression: Known(i.error, 0.01, inf, 2, 3) for i in population}
+        store.save_fits((key, fit, np.float32([[fit.error, 2.0]] * 3)) for key, fit in fits.items())
     read = again(store)
     assert read.islands() == islands
-    assert read.fits() == {f"p{i}": (error, 0.01, inf) for i, error in enumerate(errors)}
-    for name, values in read.parameters([f"p{i}" for i in range(len(errors))] + ["unknown"], 3).items():
+    assert dict(read.fits()) == fits
+    found = read.parameters(fits | {"unknown": Known(0.5)}, 3)
+    assert set(found) == set(fits)
+    for name, values in found.items():
         np.testing.assert_array_equal(values, np.float32([[errors[int(name[1:])], 2.0]] * 3))
     read.close()
     store.close()
@@ -86,7 +98,7 @@ def test_the_front_and_its_descriptions_come_back_to_the_last_bit(tmp_path_facto
         fit(error, [[v] for v in values]), {"light": error, "other": inf}, Checks(0, -1e300, inf), 0.1
     )
     with store.transaction():
-        store.save_front(Front((member,)))
+        store.save_confirmed([member], 2, 7)
         store.save_description("p0", described)
         store.save_baseline("lambert", FormulaBaseline(described, 0.3))
     read = again(store)
@@ -129,45 +141,66 @@ def test_a_baseline_stored_before_there_were_reference_fits_is_read(store):
 def test_a_fit_without_parameters_comes_back(store):
     member = Member("1 / pi", 3, GENOME, 0, 1, Fit((), np.empty((3, 0)), np.full(3, 0.5), 0.5, 3), 0.5)
     with store.transaction():
-        store.save_front(Front((member,)))
+        store.save_confirmed([member], 0, 1)
     assert same(again(store).front().members[0].fit, member.fit)
 
 
 def test_members_that_leave_take_their_descriptions_along_and_others_keep_theirs(store):
     a, b = (Member(name, i + 1, GENOME, 0, 1, fit(0.5 - 0.1 * i, [[1.0]] * 3), 0.5) for i, name in enumerate("ab"))
     with store.transaction():
-        store.save_front(Front((a, b)))
+        store.save_confirmed([a, b], 0, 1)
         for name in "ab":
             store.save_description(name, Description(a.fit, {}, Checks(0, 0, 0), 1.0))
-        store.save_front(Front((b,)))
+        store.keep_confirmed(Front((b,)))
     assert [m.expression for m in again(store).front().members] == ["b"]
     assert set(again(store).descriptions()) == {"b"}
 
 
-def test_expressions_are_seen_once_their_generation_is_whole(store):
-    nothing = np.empty((3, 0), np.float32)
+def test_fits_are_added_and_never_changed(store):
+    """Every island has its own, and each finds the parameters of the one that it means."""
+    none, values = np.empty((3, 0), np.float32), np.float32([[1.0], [2.0], [3.0]])
+    first, second = Known(0.5, 0.01, 0.3, 1, 4), Known(0.4, 0.02, inf, 0, 6)
     with store.transaction():
-        store.save_fits([("p0", 0.5, 0.01, 0.3, nothing), ("p1", inf, 0.0, inf, nothing)])
-    assert again(store).fits() == {"p0": (0.5, 0.01, 0.3), "p1": (inf, 0.0, inf)}
-    assert again(store).parameters(["p0"], 3)["p0"].shape == (3, 0)
-    assert again(store).seen() == {}
+        store.save_fits([("p0", first, values), ("1 / pi", Known(inf, 0.0, inf, 1, 4), none)])
     with store.transaction():
-        store.save_seen({"p0": 7}, 4)
-        store.save_fits([("p0", 0.4, 0.02, inf, nothing)])
-    assert again(store).seen() == {"p0": 7}
-    assert again(store).fits()["p0"] == (0.4, 0.02, inf)
+        store.save_fits([("p0", second, 2 * values)])
+    assert sorted(again(store).fits(), key=str) == sorted(
+        [("p0", first), ("p0", second), ("1 / pi", Known(inf, 0.0, inf, 1, 4))], key=str
+    )
+    np.testing.assert_array_equal(again(store).parameters({"p0": first}, 3)["p0"], values)
+    np.testing.assert_array_equal(again(store).parameters({"p0": second}, 3)["p0"], 2 * values)
+    assert again(store).parameters({"1 / pi": Known(inf, 0.0, inf, 1, 4)}, 3)["1 / pi"].shape == (3, 0)
+    with pytest.raises(GpsearchError, match="another gpsearch has gone on with this run"), store.transaction():
+        store.save_fits([("p0", first, values)])
+
+
+def test_sizes_come_back_with_who_saw_them(store):
+    with store.transaction():
+        store.save_seen({"p0": 7, "p1": 9}, island=1, generation=4)
+        store.save_seen({"p0": 5}, island=0, generation=5)
+    assert sorted(again(store).seen()) == [("p0", 0, 5, 5), ("p0", 1, 4, 7), ("p1", 1, 4, 9)]
+
+
+def test_the_quarantine_comes_back(store):
+    found = [
+        Quarantined("ggx", "baseline", "raised ValueError: x"),
+        Quarantined("p0", "screen", "its worker process died, 5 times", 1, 4),
+    ]
+    with store.transaction():
+        store.save_quarantined(found)
+    assert again(store).quarantined() == found
 
 
 def test_the_history_comes_back(store):
     history = [
-        Generation(1, 16, 14, 3, 2, 0.5, 1.5, {"screening": 1.0}),
-        Generation(2, 16, 9, 0, 0, inf, 0.1, {}),
+        Generation(0, 1, 16, 14, 3, 2, 0.5, 1.5, {"screening": 1.0}),
+        Generation(0, 2, 16, 9, 0, 0, inf, 0.1, {}),
     ]
     with store.transaction():
         for generation in history:
             store.save_generation(generation)
     assert again(store).generations() == history
-    assert again(store).totals() == (2, 32, 23)
+    assert again(store).totals() == (0, 32, 23)
 
 
 def test_a_transaction_that_fails_leaves_nothing_behind(store):
@@ -194,11 +227,13 @@ def test_others_read_while_one_writes(store):
 
 def test_events_and_totals_add_up(store):
     with store.transaction():
-        store.save_generation(Generation(1, 16, 12, 3, 2, 0.5, 1.0, {}))
-        store.save_generation(Generation(2, 16, 10, 3, 2, 0.4, 1.0, {}))
+        store.save_islands([Island(0, 2), Island(1, 1)])
+        store.save_generation(Generation(0, 1, 16, 12, 3, 2, 0.5, 1.0, {}))
+        store.save_generation(Generation(0, 2, 16, 10, 3, 2, 0.4, 1.0, {}))
+        store.save_generation(Generation(1, 1, 16, 10, 3, 2, 0.4, 1.0, {}))
         store.log("launch", "here")
         store.log("end", "generations")
-    assert again(store).totals() == (2, 32, 22)
+    assert again(store).totals() == (1, 48, 32)
     assert [(kind, detail) for _, kind, detail in again(store).events()] == [
         ("launch", "here"),
         ("end", "generations"),
@@ -206,12 +241,11 @@ def test_events_and_totals_add_up(store):
 
 
 def test_a_generation_that_another_process_has_stored_is_noticed(store):
-    store.require_generation(0)
+    row = Generation(0, 1, 16, 12, 3, 2, 0.5, 1.0, {})
     with store.transaction():
-        store.save_generation(Generation(1, 16, 12, 3, 2, 0.5, 1.0, {}))
-    store.require_generation(1)
-    with pytest.raises(GpsearchError, match="another gpsearch runs here"):
-        store.require_generation(0)
+        store.save_generation(row)
+    with pytest.raises(GpsearchError, match="another gpsearch has gone on with this run"), store.transaction():
+        store.save_generation(row)
 
 
 def test_no_run_is_refused(tmp_path):
@@ -250,11 +284,15 @@ def test_another_programs_database_is_refused(tmp_path):
         Store.open(tmp_path)
 
 
-@pytest.mark.parametrize("version", ["1", "3", "one"])
+@pytest.mark.parametrize("version", ["2", "4", "one"])
 def test_another_schema_version_is_refused(store, version):
     with store.transaction():
         store.set_meta("schema", version)
-    with pytest.raises(GpsearchError, match=f"its schema version is {version}, this gpsearch reads 2"):
+        store.set_meta("package", "9.8.7")
+    with pytest.raises(
+        GpsearchError,
+        match=rf"its schema version is {version}, this gpsearch \(.*\) reads 3; install gpsearch 9.8.7",
+    ):
         again(store)
 
 

@@ -1,0 +1,72 @@
+"""What is computed beside the search: baselines before it, and full descriptions of the front after it."""
+
+from collections.abc import Iterator, Sequence
+
+from fitters.baselines import TABULATED, BaselineJob, Judged, judge_baseline
+from fitters.fits import METRICS, ConfirmJob, DescriptionJob, confirm, describe
+from gpsearch.front import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
+from gpsearch.search.plan import Plan
+from workers import Failure, Job, Lane
+
+
+def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
+    """Lanes that fit and store the baselines that are not there yet, and how many tasks they have in all.
+
+    Every tabulated one is a lane with a task per material, and is stored once its last material is judged.
+    """
+    missing = [name for name in plan.baselines if name not in store.baselines()]
+    tabulated = [name for name in missing if name in TABULATED]
+    formulas = [name for name in missing if name not in TABULATED]
+    lanes = [_formula(plan, store, name) for name in formulas]
+    lanes += [_tabulated(plan, store, name) for name in tabulated]
+    return 2 * len(formulas) + plan.materials * len(tabulated), lanes
+
+
+def _formula(plan: Plan, store: Store, name: str) -> Lane:
+    job = plan.formula_job(name)
+    (confirmed,) = yield Job(confirm, plan.recipe, [ConfirmJob(job)], f"baseline {name}", 10.0)
+    description = confirmed
+    if not isinstance(confirmed, Failure):
+        (description,) = yield Job(
+            describe, plan.recipe, [DescriptionJob(job, confirmed.fit)], f"describe baseline {name}", 1.0
+        )
+    with store.transaction():
+        if isinstance(description, Failure):
+            store.save_quarantined([Quarantined(name, "baseline", description.reason)])
+        else:
+            store.save_baseline(name, FormulaBaseline(description, confirmed.seconds))
+
+
+def _tabulated(plan: Plan, store: Store, name: str) -> Lane:
+    jobs = [BaselineJob(name, material) for material in range(plan.materials)]
+    results = yield Job(judge_baseline, plan.recipe, jobs, f"baseline {name}", 10.0)
+    judged = [_unfitted(result) if isinstance(result, Failure) else result for result in results]
+    with store.transaction():
+        store.save_baseline(name, TabulatedBaseline.of(name, judged))
+
+
+def _unfitted(failure: Failure) -> Judged:
+    infinite = dict.fromkeys(METRICS, (float("inf"),) * 3)
+    return Judged(infinite, 0, 0.0, 0.0, (f"a material: {failure.reason}",))
+
+
+def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> Iterator[Lane]:
+    """Lanes that polish and describe members on all cells in float64, and store each as soon as it is done.
+
+    A member that cannot be described is quarantined, and is on the front no more.
+    """
+    for member in members:
+        yield _description(plan, store, member)
+
+
+def _description(plan: Plan, store: Store, member: Member) -> Lane:
+    task = DescriptionJob(plan.job(member.expression), member.fit)
+    (description,) = yield Job(describe, plan.recipe, [task], "describe front", 1.0)
+    with store.transaction():
+        if isinstance(description, Failure):
+            reason = description.reason
+            found = Quarantined(member.expression, "describe", reason, member.island, member.generation)
+            store.save_quarantined([found])
+            store.drop_confirmed(member.expression)
+        else:
+            store.save_description(member.expression, description)
