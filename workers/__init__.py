@@ -2,9 +2,11 @@
 
 from workers.context import Recipe
 from workers.errors import WorkersError
-from workers.executor import DaskSettings, Executor, LocalSettings, Settings, open_executor
+from workers.executor import Executor, open_executor
 from workers.jobs import Done, Failure, Incident, Job
 from workers.lanes import Lane, Stopped, run_lanes
+from workers.settings import DaskSettings, LocalSettings, Settings
+from workers.tls import Tls
 
 __all__ = [
     "DaskSettings",
@@ -18,6 +20,7 @@ __all__ = [
     "Recipe",
     "Settings",
     "Stopped",
+    "Tls",
     "WorkersError",
     "open_executor",
     "run_lanes",

@@ -13,15 +13,17 @@ from distributed.comm import connect as open_comm
 
 from workers.errors import WorkersError
 from workers.terminal import silenced_logs
+from workers.tls import OPTIONS, Tls, check_files, expects_tls, trouble
 
 PACKAGE = "gpsearch"
 ADDRESS = re.compile(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
 
 
-def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
+def connect(address: str, wait_seconds: float, stack: ExitStack, tls: Tls | None = None) -> Client:
     """A client of the scheduler at `address`, which has at least one worker; `stack` closes it.
 
-    Raises `WorkersError` for a malformed address, or where scheduler or worker stay away for `wait_seconds`.
+    Raises `WorkersError` for a malformed address, where scheduler or worker stay away for `wait_seconds`, or
+    where `tls` does not fit the scheduler.
     """
     match = ADDRESS.fullmatch(address)
     if match is None or not 0 < int(match["port"]) < 65536:
@@ -31,14 +33,22 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
         )
     stack.enter_context(silenced_logs())
     deadline = monotonic() + wait_seconds
+    security = _security(address, wait_seconds, tls)
+    options = f" {OPTIONS}" if tls else ""
     try:
-        asyncio.run(asyncio.wait_for(_shake_hands(address, wait_seconds), wait_seconds))
-        client = Client(address, timeout=wait_seconds, set_as_default=False, name=PACKAGE)
+        left = max(0.1, deadline - monotonic())
+        asyncio.run(asyncio.wait_for(_shake_hands(address, left, security), left))
+        client = Client(address, timeout=wait_seconds, set_as_default=False, name=PACKAGE, security=security)
         stack.callback(client.close)
     except (OSError, ValueError) as error:
+        if tls is None and expects_tls(address, deadline - monotonic()):
+            raise WorkersError(
+                f"the Dask scheduler at {address} expects TLS: "
+                "write tls:// and name the files ca, cert and key under tls"
+            ) from error
         raise WorkersError(
             f"no Dask scheduler answers at {address} after {wait_seconds:g} s: "
-            "start one with `dask-scheduler`, or set executor: local"
+            f"start one with `dask-scheduler{options}`, or set executor: local"
         ) from error
     except (ImportError, RuntimeError) as error:
         raise WorkersError(f"cannot speak with the Dask scheduler at {address}: {error}") from error
@@ -47,7 +57,7 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
     except TimeoutError as error:
         raise WorkersError(
             f"the Dask scheduler at {address} has no workers after {wait_seconds:g} s: "
-            f"start some with `dask-worker {address}`"
+            f"start some with `dask-worker {address}{options}`"
         ) from error
     except OSError as error:
         raise WorkersError(
@@ -56,9 +66,27 @@ def connect(address: str, wait_seconds: float, stack: ExitStack) -> Client:
     return client
 
 
-async def _shake_hands(address: str, wait_seconds: float) -> None:
+def _security(address: str, wait_seconds: float, tls: Tls | None) -> Security:
+    """What Dask takes for `tls`. Raises `WorkersError` where the files or the scheduler's do not fit."""
+    if tls is None:
+        return Security()
+    check_files(tls)
+    security = Security(
+        tls_ca_file=str(tls.ca),
+        tls_client_cert=str(tls.cert),
+        tls_client_key=str(tls.key),
+        require_encryption=True,
+    )
+    # Dask would repeat for all the time what cannot work, and not say why.
+    context = security.get_connection_args("client")["ssl_context"]
+    if reason := trouble(address, tls, context, wait_seconds / 2):
+        raise WorkersError(reason)
+    return security
+
+
+async def _shake_hands(address: str, wait_seconds: float, security: Security) -> None:
     """Returns once a Dask process answers: a client alone would wait for ever where another server listens."""
-    comm = await open_comm(address, timeout=wait_seconds, **Security().get_connection_args("client"))
+    comm = await open_comm(address, timeout=wait_seconds, **security.get_connection_args("client"))
     comm.abort()
 
 

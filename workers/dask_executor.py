@@ -32,6 +32,7 @@ from workers.session import (
     WorkerDied,
     Workers,
 )
+from workers.settings import DaskSettings
 from workers.task import ForeignWorkerError, Task
 
 TICK = 0.25
@@ -262,25 +263,24 @@ class DaskExecutor:
         self._incidents.append(Incident("scheduler", back))
 
 
-def open_dask(
-    scheduler: str | None, workers: int | None, wait_seconds: float, hang_seconds: float
-) -> DaskExecutor:
-    """An executor on the scheduler at that address, or, for None, on fresh processes of this machine.
+def open_dask(settings: DaskSettings) -> DaskExecutor:
+    """An executor on a running scheduler, or on fresh processes of this machine.
 
     Raises `WorkersError` where that fails within `wait_seconds` or another gpsearch is installed there.
     """
+    scheduler = settings.scheduler
 
     def reach(seconds: float, resources: ExitStack) -> Client:
         if scheduler is None:
-            return start_processes(workers, seconds, resources)
-        return connect(scheduler, seconds, resources)
+            return start_processes(settings.workers, seconds, resources)
+        return connect(scheduler, seconds, resources, settings.tls)
 
     def place(count: int) -> str:
         if scheduler is None:
             return f"{count or 'no'} worker process{'es' * (count != 1)} on this machine"
         return f"{scheduler} with {count or 'no'} worker{'s' * (count != 1)}"
 
-    return DaskExecutor(reach, place, wait_seconds, hang_seconds, again=scheduler is not None)
+    return DaskExecutor(reach, place, settings.wait_seconds, settings.hang_seconds, again=scheduler is not None)
 
 
 def key_prefix(label: str) -> str:

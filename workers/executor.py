@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Protocol
 
 from workers.jobs import Done, Incident, Job
 from workers.local import LocalExecutor
+from workers.settings import DaskSettings, LocalSettings, Settings
 
 
 class Executor(Protocol):
@@ -46,28 +46,6 @@ class Executor(Protocol):
         """Lets go of the processes; nothing can be run afterwards."""
 
 
-@dataclass(frozen=True)
-class LocalSettings:
-    """Run in this process, one task after the other."""
-
-
-@dataclass(frozen=True)
-class DaskSettings:
-    """Run on a Dask cluster: a running one, or worker processes of this machine."""
-
-    scheduler: str | None = None
-    """`tcp://HOST:PORT` of a running scheduler; None starts worker processes on this machine."""
-    workers: int | None = None
-    """How many processes to start where `scheduler` is None; None is one per core."""
-    wait_seconds: float = 60.0
-    """How long to wait for the scheduler and a first worker; they may be away for so long later on, too."""
-    hang_seconds: float = 60.0
-    """What takes longer than this, and 30 times what it should, is taken to hang."""
-
-
-Settings = LocalSettings | DaskSettings
-
-
 @contextmanager
 def open_executor(settings: Settings) -> Iterator[Executor]:
     """The executor that `settings` describe, ready to run and closed at the end.
@@ -82,9 +60,7 @@ def open_executor(settings: Settings) -> Iterator[Executor]:
             # distributed takes most of a second to import, which a run in this process need not pay.
             from workers.dask_executor import open_dask
 
-            executor = open_dask(
-                settings.scheduler, settings.workers, settings.wait_seconds, settings.hang_seconds
-            )
+            executor = open_dask(settings)
     try:
         yield executor
     finally:

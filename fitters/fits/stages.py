@@ -82,7 +82,11 @@ class Description:
 
 
 def screen(
-    problem: FitProblem, candidate: Candidate, *, bounds: tuple[tuple[str, float, float], ...], settings: FitSettings
+    problem: FitProblem,
+    candidate: Candidate,
+    *,
+    bounds: tuple[tuple[str, float, float], ...],
+    settings: FitSettings,
 ) -> Fit:
     """The fit of a candidate on the small sample, its parameters within bounds (name, low, high)."""
     return fit(

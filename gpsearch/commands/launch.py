@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -10,19 +11,23 @@ from rich.console import Console
 
 from fitters import baselines
 from fitters.engine.warm import warm_up
+from gpsearch import __version__
 from gpsearch.commands.estimate import estimate
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.runs import write_text
+from gpsearch.commands.signals import Terminated, terminable
 from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
+from gpsearch.configuration.references import resolve_path
 from gpsearch.errors import GpsearchError
 from gpsearch.exports import front_json
 from gpsearch.exports.front_json import to_text
 from gpsearch.front import Store
+from gpsearch.front.lock import RunLock
 from gpsearch.front.store import FILE
 from gpsearch.reports import plot_front
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from workers import DaskSettings, LocalSettings, Settings, open_executor
+from workers import DaskSettings, LocalSettings, Settings, Tls, WorkersError, open_executor
 
 SUMMARY_ROWS = 12
 """Members of the front that are listed at the end; the export has all."""
@@ -37,7 +42,9 @@ SUMMARY_ROWS = 12
 def launch(config: Path, folder: Path | None, check: bool) -> None:
     """Runs the search of CONFIG, or goes on with it where its run directory is there.
 
-    Leaves front.json and front.png in the run directory. Ctrl-C stops at any time; the same command goes on.
+    Leaves front.json and front.png in the run directory. Ctrl-C stops at any time, and so does SIGTERM, which a
+    cluster sends ahead of a job's end; the same command goes on. Exit status: 0 done, 1 the run failed, 2 bad
+    input, 130 stopped by Ctrl-C, 143 by SIGTERM.
     """
     console = Console(stderr=True, soft_wrap=True, markup=False, emoji=False, highlight=False)
     configuration = load_configuration(config)
@@ -46,15 +53,26 @@ def launch(config: Path, folder: Path | None, check: bool) -> None:
     if check:
         estimate(configuration, planned)
         return
-    store = _store(folder, configuration)
-    try:
-        _search(planned, store, configuration, console)
-    except KeyboardInterrupt:
-        console.print(f"stopped after generation {store.totals()[0]}; nothing is lost. To go on:")
-        console.print(f"  {shlex.join(['gpsearch', 'launch', str(config), '--run', str(folder)])}")
-        sys.exit(130)
-    finally:
-        store.close()
+    with RunLock(folder) as lock, closing(_store(folder, configuration)) as store, terminable():
+        if lock.taken_over_from:
+            _log(store, "takeover", f"the last launcher died: {lock.taken_over_from}")
+        if (begun_by := store.meta("package")) != __version__:
+            console.print(f"this run was begun by gpsearch {begun_by}; what {__version__} finds may differ")
+        try:
+            _search(planned, store, configuration, console)
+        except (KeyboardInterrupt, Terminated) as stop:
+            _log(store, "stopped", type(stop).__name__)
+            console.print(f"stopped after generation {store.totals()[0]}; nothing is lost. To go on:")
+            console.print(f"  {shlex.join(['gpsearch', 'launch', str(config), '--run', str(folder)])}")
+            sys.exit(143 if isinstance(stop, Terminated) else 130)
+        except WorkersError as error:
+            _log(store, "failed", str(error))
+            raise
+
+
+def _log(store: Store, kind: str, detail: str) -> None:
+    with store.transaction():
+        store.log(kind, detail)
 
 
 def _store(folder: Path, configuration: Configuration) -> Store:
@@ -95,11 +113,9 @@ def _search(planned: Plan, store: Store, configuration: Configuration, console: 
         before = store.totals()[0]
         verb = f"goes on after generation {before}" if before else "starts"
         console.print(f"{configuration.name} {verb} on {executor.description}")
-        with store.transaction():
-            store.log("launch", executor.description)
+        _log(store, "launch", f"gpsearch {__version__} after generation {before} on {executor.description}")
         reason = Search(planned, store, executor, watcher).run()
-        with store.transaction():
-            store.log("end", reason)
+        _log(store, "end", reason)
     _report(store, configuration, console, reason)
 
 
@@ -148,5 +164,10 @@ def executor_settings(configuration: Configuration) -> Settings:
     """What `workers` takes, of a configuration."""
     executor = configuration.executor
     if isinstance(executor, DaskExecutor):
-        return DaskSettings(executor.scheduler, executor.workers, executor.wait_seconds)
+        tls = None
+        if (files := executor.tls) is not None:
+            tls = Tls(*(resolve_path(file, configuration.folder) for file in (files.ca, files.cert, files.key)))
+        return DaskSettings(
+            executor.scheduler, executor.workers, executor.wait_seconds, executor.hang_seconds, tls
+        )
     return LocalSettings()

@@ -1,4 +1,4 @@
-"""The command group, and how every command ends: exit status 0, 1 failed, 2 bad input, 130 interrupted."""
+"""The command group, and how every command ends: 0 well, 1 failed, 2 bad input, 130 by Ctrl-C, 143 by SIGTERM."""
 
 import sys
 
@@ -11,7 +11,7 @@ from gpsearch.commands.fit import fit
 from gpsearch.commands.launch import launch
 from gpsearch.commands.materials import materials
 from gpsearch.commands.status import status
-from gpsearch.errors import GpsearchError
+from gpsearch.errors import GpsearchError, StoreError
 from workers import WorkersError
 
 
@@ -32,6 +32,9 @@ def main() -> None:
     except click.ClickException as error:
         error.show()
         sys.exit(2)
+    except StoreError as error:
+        _complain(error)
+        sys.exit(1)
     except (GpsearchError, FittersError) as error:
         _complain(error)
         sys.exit(2)

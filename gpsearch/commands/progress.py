@@ -65,23 +65,23 @@ class ProgressWatcher:
         total = f"/{self.budget.generations}" if self.budget.generations is not None else ""
         rate = standing.candidates / max(standing.seconds, 1e-9)
         best = f"{members[-1].error:.4f} at {members[-1].nodes} nodes" if members else "none yet"
-        left = self._seconds_left(standing)
+        left = seconds_left(self.budget, standing.generation, standing.candidates, standing.seconds)
         return (
             f"generation {standing.generation}{total}  {rate:.0f} candidates/s  best {best}"
             f"  front {len(members)}" + (f"  {duration(left)} left" if left is not None else "")
         )
 
-    def _seconds_left(self, standing: Standing) -> float | None:
-        """By the budget that runs out first at the pace so far."""
-        left = []
-        pace = standing.seconds / standing.generation
-        if self.budget.generations is not None:
-            left.append(pace * (self.budget.generations - standing.generation))
-        if self.budget.candidates is not None:
-            left.append(standing.seconds * (self.budget.candidates / max(standing.candidates, 1) - 1))
-        if self.budget.seconds is not None:
-            left.append(self.budget.seconds - standing.seconds)
-        return max(min(left), 0.0) if left else None
+
+def seconds_left(budget: Budget, generation: int, candidates: int, seconds: float) -> float | None:
+    """By the budget that runs out first at the pace so far; None where nothing can be told yet."""
+    left = []
+    if budget.generations is not None and generation:
+        left.append(seconds / generation * (budget.generations - generation))
+    if budget.candidates is not None and candidates:
+        left.append(seconds * (budget.candidates / candidates - 1))
+    if budget.seconds is not None:
+        left.append(budget.seconds - seconds)
+    return max(min(left), 0.0) if left else None
 
 
 def duration(seconds: float) -> str:

@@ -27,6 +27,8 @@ def print_json(report: dict[str, Any]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Writes a file; what cannot be written is a usage error, not a traceback."""
     try:
-        path.write_text(text)
+        part = path.with_name(f"{path.name}.part")
+        part.write_text(text)
+        part.replace(path)
     except OSError as error:
         raise click.ClickException(f"{path}: cannot be written ({error.strerror}); choose another -o") from None

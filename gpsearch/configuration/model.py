@@ -1,6 +1,7 @@
 """The configuration of a run, valid and complete."""
 
 import hashlib
+import json
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -98,7 +99,8 @@ class Configuration(Section):
     def _yaml(self, exclude: set[str] | None = None) -> str:
         content = self.model_dump(mode="json", exclude=exclude)
         # YAML 1.1 counts these as line breaks, which a file's name may hold: then all but ASCII is escaped.
-        breaks = any(character in "".join((*self.materials, self.scene.light)) for character in "\x85\u2028\u2029")
+        texts = json.dumps(content, ensure_ascii=False)
+        breaks = any(character in texts for character in "\x85\u2028\u2029")
         return yaml.safe_dump(
             content, sort_keys=False, default_flow_style=None, width=110, allow_unicode=not breaks
         )

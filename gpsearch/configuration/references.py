@@ -1,8 +1,9 @@
 """What a configuration refers to: measured materials, lights, catalogue names and expressions."""
 
 import os
+import re
 import stat
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from pydantic import ValidationInfo
@@ -18,6 +19,10 @@ from gpsearch.configuration.wording import listed, nearest, plain, shown
 
 BUILTIN = "builtin:"
 LIGHT_SUFFIXES = (".hdr", ".exr")
+PEM_SUFFIXES = (".pem", ".crt", ".cer", ".key")
+"""Usual ones; a file may be called otherwise."""
+LARGEST_PEM = 1_000_000
+"""Bytes."""
 ALL = "all"
 """The codebank entry that stands for the whole catalogue."""
 MAX_NODES = 1000
@@ -38,7 +43,7 @@ def check_material(reference: str, info: ValidationInfo) -> str:
 
 def check_no_material_twice(references: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
     """Validates the list of materials: the same file under two names is the same material."""
-    folder = _surroundings(info).folder
+    folder = surroundings(info).folder
     first: dict[str, int] = {}
     for index, reference in enumerate(references):
         builtin = reference.startswith(BUILTIN)
@@ -53,7 +58,7 @@ def check_no_material_twice(references: tuple[str, ...], info: ValidationInfo) -
 def check_no_baseline_twice(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
     """Validates the list of baselines, but for that of a stored run: earlier versions let it pass."""
     for index, name in enumerate(names):
-        if name in names[:index] and _surroundings(info).check_files:
+        if name in names[:index] and surroundings(info).check_files:
             text = f"{shown(name)} is baselines[{names.index(name)}] again; name each baseline once"
             raise refuse_at(index, name, text)
     return names
@@ -68,21 +73,45 @@ def check_light(reference: str, info: ValidationInfo) -> str:
     return _file(reference, LIGHT_SUFFIXES, info, hint)
 
 
+def pem_file(content: str) -> Callable[[str, ValidationInfo], str]:
+    """A validator of the path of a PEM file which holds `content`: `CERTIFICATE`, `PRIVATE KEY`."""
+
+    def check(reference: str, info: ValidationInfo) -> str:
+        hint = "check the path"
+        path = _path(reference, PEM_SUFFIXES, info, hint)
+        if not surroundings(info).check_files:
+            return reference
+        try:
+            with path.open("rb") as file:
+                text = file.read(LARGEST_PEM)
+        except OSError as error:
+            raise ValueError(f"{plain(str(path))} cannot be read ({error.strerror}); {hint}") from None
+        if not re.search(rb"-----BEGIN ([A-Z]+ )?%s-----" % content.encode(), text):
+            raise ValueError(f"{plain(str(path))} has no line -----BEGIN {content}-----; name a file in PEM form")
+        return reference
+
+    return check
+
+
 def resolve_path(reference: str, folder: Path) -> Path:
     """The path of a file's reference, which counts from `folder` where it is relative."""
     return Path(os.path.normpath(folder / os.path.expanduser(reference)))
 
 
 def _file(reference: str, suffixes: Collection[str], info: ValidationInfo, hint: str) -> str:
-    if not reference or "\0" in reference:
-        raise ValueError(f"{shown(reference)} is no path; name a file {listed(suffixes)}")
-    surroundings = _surroundings(info)
-    path = resolve_path(reference, surroundings.folder)
-    if surroundings.check_files:
-        _check_there(path, suffixes, hint)
-    if path.suffix.lower() not in suffixes:
+    if _path(reference, suffixes, info, hint).suffix.lower() not in suffixes:
         raise ValueError(f"{shown(reference)} does not end in {' or '.join(suffixes)}; {hint}")
     return reference
+
+
+def _path(reference: str, suffixes: Collection[str], info: ValidationInfo, hint: str) -> Path:
+    """The path of a file that is there, where files are looked for; `suffixes` and `hint` are for the error."""
+    if not reference or "\0" in reference:
+        raise ValueError(f"{shown(reference)} is no path; name a file {listed(suffixes)}")
+    path = resolve_path(reference, surroundings(info).folder)
+    if surroundings(info).check_files:
+        _check_there(path, suffixes, hint)
+    return path
 
 
 def _check_there(path: Path, suffixes: Collection[str], hint: str) -> None:
@@ -107,7 +136,7 @@ def _beside(path: Path, suffixes: Collection[str]) -> str:
     return f"did you mean {plain(near)}?" if near else ""
 
 
-def _surroundings(info: ValidationInfo) -> Surroundings:
+def surroundings(info: ValidationInfo) -> Surroundings:
     """Where a configuration is made by a program, paths count from the working folder and are not looked for."""
     return info.context or Surroundings(Path.cwd(), check_files=False)
 

@@ -3,7 +3,7 @@
 import re
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BeforeValidator, Field, field_validator, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
@@ -16,9 +16,11 @@ from gpsearch.configuration.references import (
     check_codebank,
     check_formula,
     check_light,
+    pem_file,
     resolve_formula,
+    surroundings,
 )
-from gpsearch.configuration.wording import shown
+from gpsearch.configuration.wording import listed, shown
 
 MAX_ENTRIES = 1000
 """Of any list."""
@@ -50,17 +52,40 @@ class LocalExecutor(Section):
     kind: Literal["local"] = "local"
 
 
+class Tls(Section):
+    """The PEM files by which launcher, scheduler and workers know each other; any suffix will do.
+
+    ca:   the cluster's certificate authority, whose certificates all of them show
+    cert: the launcher's certificate
+    key:  its private key, without a passphrase
+    """
+
+    ca: Annotated[str, AfterValidator(pem_file("CERTIFICATE"))] = Field(
+        description="the path of a certificate authority's PEM file"
+    )
+    cert: Annotated[str, AfterValidator(pem_file("CERTIFICATE"))] = Field(
+        description="the path of a certificate's PEM file"
+    )
+    key: Annotated[str, AfterValidator(pem_file("PRIVATE KEY"))] = Field(
+        description="the path of a private key's PEM file"
+    )
+
+
 class DaskExecutor(Section):
     """A running scheduler, or without one a cluster on this machine that ends with the run.
 
     workers:      processes to start on this machine, one per core by default
-    wait_seconds: for a scheduler and a first worker
+    wait_seconds: for a scheduler and a first worker; so long they may be away later on, too
+    hang_seconds: what takes longer, and 30 times what it should, is taken to hang
+    tls:          for a scheduler at a tls:// address
     """
 
     kind: Literal["dask"] = "dask"
     scheduler: str | None = Field(None, description="an address such as tcp://host:8786, or null")
     workers: Whole | None = whole(None, 1, 100_000, nullable=True)
     wait_seconds: Number = number(60.0, low=0)
+    hang_seconds: Number = number(60.0, above=0)
+    tls: Tls | None = Field(None, description=f"a mapping of the keys {listed(Tls.model_fields)}, or null")
 
     @field_validator("scheduler")
     @classmethod
@@ -68,6 +93,23 @@ class DaskExecutor(Section):
         address = re.compile(r"((tcp|tls|ucx|ws|wss)://)?([\w.-]+|\[[0-9a-fA-F:.%]+\]):[0-9]{1,5}/?", re.ASCII)
         if value is not None and not address.fullmatch(value):
             raise ValueError(f"found {shown(value)}; allowed: an address such as tcp://host:8786, or null")
+        return value
+
+    @field_validator("tls")
+    @classmethod
+    def _of_the_scheduler(cls, value: Tls | None, info: ValidationInfo) -> Tls | None:
+        if "scheduler" not in info.data:
+            return value
+        scheduler = info.data["scheduler"]
+        encrypted = scheduler is not None and scheduler.startswith("tls://")
+        if value is not None and scheduler is None:
+            raise ValueError("is for a running scheduler, processes of this machine need none; remove it")
+        if value is not None and not encrypted:
+            raise ValueError(f"needs a tls:// scheduler, found {shown(scheduler)}; write tls:// or remove tls")
+        # A stored run may be of a version that took the files from Dask's own configuration.
+        if value is None and encrypted and surroundings(info).check_files:
+            keys = listed(Tls.model_fields)
+            raise ValueError(f"is missing, which {shown(scheduler)} needs; allowed: a mapping of the keys {keys}")
         return value
 
 

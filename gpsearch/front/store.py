@@ -6,6 +6,7 @@ added, with their island and generation, so that what an island knew at any time
 """
 
 import json
+import os
 import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 
 from fitters.fits import Description
 from gpsearch import __version__
-from gpsearch.errors import GpsearchError
+from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.evolution.island import Island
 from gpsearch.front.baselines import Baseline
 from gpsearch.front.front import Front, Member
@@ -147,12 +148,15 @@ class Store:
 
     @classmethod
     def open(cls, folder: Path) -> "Store":
-        """The store of a run that is there. Raises `GpsearchError` for no run, a foreign or a newer file."""
+        """The store of a run that is there, also where it may only be read.
+
+        Raises `GpsearchError` for no run, a foreign or a newer file.
+        """
         path = folder / FILE
         if not path.is_file():
             raise GpsearchError(f"{folder}: no run here ({FILE} is missing); `gpsearch launch` makes one")
         try:
-            connection = _connect(path)
+            connection = _connect(path) if os.access(folder, os.W_OK) else _connect_read_only(path)
             found = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         except sqlite3.Error as error:
             raise GpsearchError(
@@ -178,7 +182,7 @@ class Store:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """All or nothing of what is written inside. Raises `GpsearchError` where the disk refuses."""
+        """All or nothing of what is written inside. Raises `StoreError` where the disk refuses."""
         try:
             with self._connection:
                 self._connection.execute("BEGIN IMMEDIATE")
@@ -189,9 +193,9 @@ class Store:
                 f"{self.path}: another gpsearch has gone on with this run ({error}); leave it to one of them"
             ) from None
         except sqlite3.Error as error:
-            raise GpsearchError(
-                f"{self.path}: cannot be written ({error}); the last whole generation is safe, the same command"
-                " goes on from there"
+            raise StoreError(
+                f"{self.path}: cannot be written ({error}); the last whole generations are safe: make room or mend"
+                " the disk, and the same command goes on from there"
             ) from None
 
     # what a run is
@@ -216,6 +220,10 @@ class Store:
             Island(number, generation, tuple(map(read_individual, json.loads(population))))
             for number, generation, population in rows
         )
+
+    def island_generations(self) -> dict[int, int]:
+        """What every island has reached, by its number."""
+        return dict(self._connection.execute("SELECT number, generation FROM islands ORDER BY number"))
 
     def save_islands(self, islands: Iterable[Island]) -> None:
         rows = [(island.number, island.generation, population_text(island.population)) for island in islands]
@@ -374,3 +382,12 @@ def _connect(path: Path) -> sqlite3.Connection:
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("PRAGMA synchronous = NORMAL")
     return connection
+
+
+def _connect_read_only(path: Path) -> sqlite3.Connection:
+    """A connection that makes no files beside the store, as a writing one does.
+
+    What is only in the log of a launcher that was killed cannot be seen then, and what is stored is older.
+    """
+    address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
+    return sqlite3.connect(address, timeout=10, isolation_level=None, uri=True)

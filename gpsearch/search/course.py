@@ -76,7 +76,8 @@ class Course:
             unknown = [e for key, e in found.items() if not self.memory.knows(key, self._bar(e.nodes))]
             yield from self._screened(unknown)
         new = {key: entrant for key, entrant in found.items() if entrant.nodes < self.memory.seen(key)}
-        fitted = [self.memory[key] for key in found if math.isinf(self.memory.seen(key))]
+        bred = {child.canonical.text for child in brood}
+        fitted = [self.memory[key] for key in found if key in bred and math.isinf(self.memory.seen(key))]
         with clock.stage("confirming"):
             confirmed: list[Member] = []
             yield from self._confirmed(new.values(), confirmed)

@@ -66,9 +66,16 @@ class Plan:
         return FitJob((to_text(published.expression),), bounds, self.settings)
 
 
+def budget_of(configuration: Configuration) -> Budget:
+    """The budget of a configuration."""
+    budget = configuration.budget
+    seconds = None if budget.minutes is None else 60.0 * budget.minutes
+    return Budget(budget.generations, seconds, budget.candidates)
+
+
 def plan(configuration: Configuration) -> Plan:
     """The plan of a configuration."""
-    search, fit, budget = configuration.search, configuration.fit, configuration.budget
+    search, fit = configuration.search, configuration.fit
     mutation = Mutation(
         codebank=codebank(configuration.codebank_expressions(), search.parameters),
         max_nodes=search.max_nodes,
@@ -94,9 +101,7 @@ def plan(configuration: Configuration) -> Plan:
         early_stopping=fit.early_stopping,
         warm_starts=fit.warm_starts,
         baselines=configuration.baselines,
-        budget=Budget(
-            budget.generations, None if budget.minutes is None else 60.0 * budget.minutes, budget.candidates
-        ),
+        budget=budget_of(configuration),
     )
 
 

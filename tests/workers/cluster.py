@@ -14,28 +14,34 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
+from workers import Tls
+
 ROOT = Path(__file__).parents[2]
 PATIENCE_SECONDS = 60.0
 
 
 @contextmanager
-def real_cluster(workers: int = 2, python_path: Path | None = None) -> Iterator[str]:
+def real_cluster(workers: int = 2, python_path: Path | None = None, tls: Tls | None = None) -> Iterator[str]:
     """The address of a fresh scheduler on this machine that `workers` single-threaded processes have joined.
 
-    `python_path` is a folder whose modules its processes find before all others.
+    `python_path` is a folder whose modules its processes find before all others. With `tls` they speak nothing
+    else, all by the one certificate.
     """
     path = os.pathsep.join(str(folder) for folder in (python_path, ROOT) if folder)
     ports = ["--port", "0", "--dashboard-address", "127.0.0.1:0"]
     local = ["--no-dashboard", "--host", "127.0.0.1"]
+    if tls:
+        local += ["--protocol", "tls", "--tls-ca-file", str(tls.ca)]
+        local += ["--tls-cert", str(tls.cert), "--tls-key", str(tls.key)]
     with ExitStack() as stack:
         scratch = stack.enter_context(tempfile.TemporaryDirectory())
         scheduler = stack.enter_context(_command("dask-scheduler", *ports, *local, path=path))
-        address = _wait_for(scheduler, r"Scheduler at:\s+(tcp://\S+)")
+        address = _wait_for(scheduler, r"Scheduler at:\s+(\w+://\S+)")
         if workers:
             options = ["--nworkers", str(workers), "--local-directory", scratch, *local]
             nannies = stack.enter_context(_command("dask-worker", address, *options, path=path))
             for _ in range(workers):
-                _wait_for(nannies, r"Registered to:\s+(tcp://\S+)")
+                _wait_for(nannies, r"Registered to:\s+(\w+://\S+)")
         yield address
 
 

@@ -25,6 +25,13 @@ def load(tmp_path: Path) -> Callable[..., Configuration]:
 
 
 @pytest.fixture
+def pem_files(tmp_path: Path) -> None:
+    """The files ca.pem, cert.pem and key.pem beside the configuration; a configuration reads no further."""
+    for name, content in (("ca", "CERTIFICATE"), ("cert", "CERTIFICATE"), ("key", "EC PRIVATE KEY")):
+        (tmp_path / f"{name}.pem").write_text(f"-----BEGIN {content}-----\n-----END {content}-----\n")
+
+
+@pytest.fixture
 def refusal(load: Callable[..., Configuration], tmp_path: Path) -> Callable[..., str]:
     """The message by which a text is refused, without the folder of the file."""
 

@@ -4,6 +4,10 @@ import os
 
 import pytest
 
+from gpsearch.configuration import parse_configuration
+from gpsearch.errors import GpsearchError
+from tests.unprivileged import public_folder, unprivileged
+
 
 @pytest.mark.parametrize(
     ("text", "message"),
@@ -160,3 +164,64 @@ def test_a_material_given_twice(refusal, tmp_path):
     assert f"quick.yaml:3: materials[1]: './a.bsdf' {again}" in refusal("materials:\n- a.bsdf\n- ./a.bsdf")
     assert f"'b.bsdf' {again}" in refusal("materials: [a.bsdf, b.bsdf]")
     assert f"'builtin:metal' {again}" in refusal("materials: [builtin:metal, builtin:metal]")
+
+
+TLS = "executor:\n  kind: dask\n  scheduler: %s\n  tls: {ca: ca.pem, cert: cert.pem, key: key.pem}"
+
+
+@pytest.mark.usefixtures("pem_files")
+def test_tls_and_the_schedulers_address_go_together(refusal, load):
+    load(TLS % "tls://host:8786")
+    assert refusal(TLS % "tcp://host:8786") == (
+        "quick.yaml:4: executor.tls: needs a tls:// scheduler, found 'tcp://host:8786'; write tls:// or remove tls"
+    )
+    assert "executor.tls: needs a tls:// scheduler, found 'host:8786'" in refusal(TLS % "host:8786")
+    assert refusal(TLS % "null") == (
+        "quick.yaml:4: executor.tls: is for a running scheduler, processes of this machine need none; remove it"
+    )
+    assert refusal("executor: {kind: dask, scheduler: tls://host:8786}") == (
+        "quick.yaml:1: executor.tls: is missing, which 'tls://host:8786' needs; "
+        "allowed: a mapping of the keys ca, cert, key"
+    )
+    assert [line.split(": ")[1] for line in refusal(TLS % "nowhere").splitlines()] == ["executor.scheduler"]
+
+
+@pytest.mark.usefixtures("pem_files")
+def test_the_files_of_tls(refusal, tmp_path):
+    text = TLS % "tls://host:8786"
+    assert refusal(text.replace("ca.pem", "ka.pem")) == (
+        "quick.yaml:4: executor.tls.ca: no file ka.pem; did you mean ca.pem?"
+    )
+    assert "executor.tls.key: no file nowhere/key; its folder" in refusal(text.replace("key.pem", "nowhere/key"))
+    assert "executor.tls.cert: " in (found := refusal(text.replace("cert.pem", ".")))
+    assert "is a folder; name a file" in found
+    assert refusal(text.replace("key.pem", "cert.pem")) == (
+        "quick.yaml:4: executor.tls.key: cert.pem has no line -----BEGIN PRIVATE KEY-----; name a file in PEM form"
+    )
+    (tmp_path / "ca.pem").write_bytes(b"\x30\x82\xff")
+    assert "executor.tls.ca: ca.pem has no line -----BEGIN CERTIFICATE-----" in refusal(text)
+
+
+def test_a_key_that_may_not_be_read():
+    with public_folder() as folder:
+        (folder / "key.pem").touch(mode=0)
+        text = "executor: {kind: dask, scheduler: tls://a:1, tls: {key: key.pem}}"
+        with unprivileged(), pytest.raises(GpsearchError) as caught:
+            parse_configuration(text, source="quick.yaml", folder=folder)
+    assert f"executor.tls.key: {folder}/key.pem cannot be read (Permission denied); check the path" in str(
+        caught.value
+    )
+
+
+@pytest.mark.parametrize(
+    ("tls", "message"),
+    [
+        ("{ca: a, cert: b}", "executor.tls.key: is missing; allowed: the path of a private key's PEM file"),
+        ("{ca: 3}", "executor.tls.ca: found 3; allowed: the path of a certificate authority's PEM file"),
+        ("{ca: a, cart: b}", "executor.tls.cart: no such key; did you mean cert?"),
+        ("yes", "executor.tls: found true; allowed: a mapping of the keys ca, cert, key"),
+        ("", "executor.tls: is missing, which 'tls://a:1' needs"),
+    ],
+)
+def test_keys_of_tls(refusal, tls, message):
+    assert message in refusal(f"executor:\n  kind: dask\n  scheduler: tls://a:1\n  tls: {tls}")

@@ -97,7 +97,7 @@ def test_random_yaml_is_refused_in_words(text):
 
 
 NAMES = """name seed materials scene light metric executor kind scheduler workers budget generations minutes search
-start codebank bounds edits swap fit tolerance baselines x"""
+start codebank bounds edits swap fit tolerance baselines tls ca x"""
 keys = st.sampled_from(NAMES.split()) | st.text(max_size=5)
 values = st.recursive(
     st.none()

@@ -7,6 +7,8 @@ from hypothesis import strategies as st
 
 from gpsearch.configuration import Configuration, parse_configuration
 
+TLS = "executor: {kind: dask, scheduler: tls://a:1, tls: {ca: ca.pem, cert: cert.pem, key: key.pem}}"
+
 positive = st.floats(1e-300, 1e300)
 wholes = st.integers(1, 10**4)
 files = st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0/"), max_size=20).map(
@@ -18,7 +20,14 @@ trees = st.fixed_dictionaries(
         "name": st.from_regex(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,20}", fullmatch=True),
         "seed": st.integers(0, 2**63 - 1),
         "scene": st.fixed_dictionaries({}, optional={"rotation": st.floats(-1e300, 1e300)}),
-        "executor": st.sampled_from(["local", "dask", {"kind": "dask", "scheduler": "tls://[::1]:8786"}]),
+        "executor": st.sampled_from(["local", "dask", {"kind": "dask", "scheduler": "tls://[::1]:8786"}])
+        | st.fixed_dictionaries(
+            {
+                "kind": st.just("dask"),
+                "scheduler": st.just("tls://a:1"),
+                "tls": st.fixed_dictionaries({"ca": files, "cert": files, "key": files}),
+            }
+        ),
         "budget": st.fixed_dictionaries({}, optional={"minutes": positive, "candidates": wholes}),
         "search": st.fixed_dictionaries(
             {},
@@ -55,6 +64,7 @@ def test_the_hash_is_of_all_that_decides_what_is_found(tmp_path):
         return parse_configuration(text, source="a.yaml", folder=tmp_path, check_files=False).sha256
 
     assert sha256() == sha256(executor="dask") == sha256(executor={"kind": "dask", "scheduler": "tcp://a:1"})
+    assert sha256() == sha256(**yaml.safe_load(TLS))
     assert len({sha256(), sha256(seed=1), sha256(metric="compressive"), sha256(search={"islands": 3})}) == 4
 
 
@@ -81,6 +91,7 @@ def test_differences_name_the_key_and_both_values(load):
         "executor.kind": ("dask", "local"),
         "executor.workers": (3, None),
         "executor.wait_seconds": (60.0, None),
+        "executor.hang_seconds": (60.0, None),
         "search.islands": (2, 4),
         "search.bounds": ((1e-6, 1e5), (0.0, 1.0)),
     }
@@ -96,8 +107,12 @@ def test_differences_name_the_key_and_both_values(load):
         ("budget: {minutes: 5.5, candidates: 9}", "budget: {minutes: 5, candidates: 8}"),
         ("executor: dask", "executor: local"),
         ("executor: local\nbudget: {generations: 200}", "executor: {kind: dask, workers: 3}"),
+        (TLS, "executor: local"),
+        ("executor: local", TLS),
+        (TLS, TLS.replace("cert.pem", "ca.pem")),
     ],
 )
+@pytest.mark.usefixtures("pem_files")
 def test_larger_budgets_and_other_executors_extend_a_run(load, new, old):
     assert load(new).extends(load(old))
 

@@ -83,6 +83,12 @@ def test_a_stored_run_with_a_baseline_twice_still_opens(tmp_path):
     assert stored.baselines == ("ggx", "ggx")
 
 
+def test_a_stored_run_whose_tls_was_configured_elsewhere_still_opens(tmp_path):
+    text = "materials: [builtin:metal]\nexecutor: {kind: dask, scheduler: tls://a:1}\n"
+    stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
+    assert stored.executor == DaskExecutor(kind="dask", scheduler="tls://a:1")
+
+
 @pytest.mark.parametrize(
     ("text", "kind"),
     [("local", "local"), ("{kind: local}", "local"), ("dask", "dask"), ("{kind: dask}", "dask")],
@@ -142,7 +148,8 @@ def test_paths_count_from_the_folder_of_the_file(tmp_path, monkeypatch):
 
 
 def test_files_need_not_be_there_when_a_finished_run_is_read(tmp_path):
-    text = "materials: [gone.binary]\nscene: {light: gone.hdr}"
+    executor = "{kind: dask, scheduler: tls://a:1, tls: {ca: gone.pem, cert: gone.pem, key: gone.key}}"
+    text = f"materials: [gone.binary]\nscene: {{light: gone.hdr}}\nexecutor: {executor}"
     with pytest.raises(GpsearchError, match="no file"):
         parse_configuration(text, source="run", folder=tmp_path)
     parse_configuration(text, source="run", folder=tmp_path, check_files=False)
