@@ -64,6 +64,7 @@ class DaskExecutor:
         self._refused: set[str] = set()
         self._incidents: list[Incident] = []
         self._without_since: float | None = None
+        self._began = monotonic()
         self._session: Session | None = self._connected(wait_seconds)
 
     @property
@@ -160,7 +161,8 @@ class DaskExecutor:
         dispatch = self._dispatch
         match event:
             case Began(key, worker):
-                dispatch.began(key, worker, monotonic())
+                self._began = monotonic()
+                dispatch.began(key, worker, self._began)
             case Finished(key, report):
                 return dispatch.finished(key, report.results, report.seconds)
             case ResultLost(key):
@@ -183,11 +185,12 @@ class DaskExecutor:
         if isinstance(error, FittersError):
             raise _failure(batch, error)
         if isinstance(error, KilledWorker):
-            if not self._dispatch.dropped(key):
+            self._dispatch.refused(key)
+            if monotonic() - self._began > self._wait_seconds:
                 raise WorkersError(
-                    f"{batch.job.label}: worker processes died before they could begin, the last at"
-                    f" {error.last_worker.address}: see its log; materials that do not fit into its memory are the"
-                    " usual reason"
+                    f"{batch.job.label}: for {self._wait_seconds:g} s worker processes have died before they could"
+                    f" begin, the last at {error.last_worker.address}: see its log; materials that do not fit into"
+                    " its memory are the usual reason"
                 ) from error
             return
         if self._refuse_foreign_workers() or isinstance(error, ForeignWorkerError):

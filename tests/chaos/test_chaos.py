@@ -10,8 +10,8 @@ import random
 import shutil
 import signal
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -33,7 +33,7 @@ def text(**executor: object) -> str:
         executor=executor or {"kind": "local"},
         materials=["builtin:metal", "builtin:fabric"],
         budget={"generations": GENERATIONS},
-        search={"islands": ISLANDS, "island_size": 12, "migrate_every": 2},
+        search={"islands": ISLANDS, "island_size": 24, "migrate_every": 2},
         baselines=["lambert", "power-iterations"],
     )
 
@@ -63,42 +63,75 @@ def chance(request: pytest.FixtureRequest) -> random.Random:
 
 
 class Scene:
-    """A cluster, a launcher, and the clock since the launch."""
+    """A cluster, a launcher, and the clock since the first launch."""
 
-    def __init__(self, folder: Path, chance: random.Random, name: str, cache: Path | None = None) -> None:
+    def __init__(self, folder: Path, chance: random.Random, name: str) -> None:
         self.cluster, self.chance, self.name = Cluster(folder / "cluster"), chance, name
         (folder / "chaos.yaml").write_text(text(kind="dask", scheduler=self.cluster.address, wait_seconds=60))
-        self.launcher = Launcher(folder, "chaos.yaml", "run", cache)
+        self.launcher = Launcher(folder, "chaos.yaml", "run")
         self.began = time.monotonic()
-        self.launches = 0
 
-    def launch(self) -> None:
-        self.launches += 1
-        self.launcher.start()
-
-    def at_random(self, low: float, high: float) -> None:
-        """Waits a random time, or for the end of the launcher."""
-        deadline = time.monotonic() + self.chance.uniform(low, high)
-        while time.monotonic() < deadline and not self.launcher.ended:
-            time.sleep(0.01)
+    def moments(self, count: int) -> Iterator[None]:
+        """So many random moments of a run, from its start to shortly before its end, while it lasts."""
+        whole = ISLANDS * GENERATIONS
+        for generations in sorted(self.chance.randrange(whole) for _ in range(count)):
+            self.launcher.wait_until_stored(generations)
+            deadline = time.monotonic() + self.chance.uniform(0.0, 1.0)
+            while time.monotonic() < deadline and not self.launcher.ended:
+                time.sleep(0.01)
+            if self.launcher.ended:
+                return
+            yield
 
     def blow(self, what: str) -> None:
+        after, stored = time.monotonic() - self.began, len(self.launcher.stored())
+        moment = f"{self.name}: {what} {after:.2f} s after the launch, {stored} generations stored"
         TALLY.blows[what] += 1
-        stored = len(self.launcher.stored())
-        moment = (
-            f"{self.name}: {what} {time.monotonic() - self.began:.2f} s after the launch, {stored} generations"
-        )
         TALLY.moments.append(moment)
         print(moment)
 
     def kill_worker(self) -> None:
-        workers = self.cluster.workers()
-        if workers and not self.launcher.ended:
-            try:
-                self.chance.choice(workers).kill()
-                self.blow("workers killed")
-            except psutil.NoSuchProcess:
-                pass
+        with suppress(psutil.NoSuchProcess, IndexError):
+            self.chance.choice(self.cluster.workers()).kill()
+            self.blow("workers killed")
+
+    def kill_launcher(self) -> None:
+        """It is started again and has lost nothing."""
+        self.launcher.kill()
+        self.blow("launchers killed")
+        self._launch_again()
+
+    def stop_launcher(self) -> None:
+        """It leaves a checkpoint, says so by its exit status, and is started again."""
+        status = self.launcher.stop()
+        self.blow("launchers terminated")
+        # Python's own end by the signal, where it came before there was anything to write down.
+        assert status in (143, -signal.SIGTERM), self.launcher.log.read_text()
+        self._launch_again()
+
+    def _launch_again(self) -> None:
+        safe = self.launcher.stored()
+        self.launcher.start()
+        self.launcher.wait_until_stored(len(safe) + 1)
+        kept = self.launcher.stored()
+        TALLY.generations_safe += len(safe & kept)
+        TALLY.generations_lost += len(safe - kept)
+        assert safe <= kept
+
+    def restart_scheduler(self) -> None:
+        """Somewhat later, and with new workers."""
+        self.cluster.kill_scheduler()
+        self.blow("schedulers killed")
+        time.sleep(self.chance.uniform(0.0, 2.0))
+        self.cluster.start_scheduler()
+        self.cluster.kill_workers()
+        self.cluster.start_workers(self.chance.choice([1, 2, 3]))
+
+    def replace_workers(self) -> None:
+        self.cluster.kill_workers()
+        self.blow("clusters emptied")
+        time.sleep(self.chance.uniform(0.0, 2.0))
+        self.cluster.start_workers(self.chance.choice([1, 2, 3]))
 
 
 @contextmanager
@@ -106,7 +139,7 @@ def scene(folder: Path, chance: random.Random, name: str, workers: int) -> Itera
     made = Scene(folder, chance, name)
     with made.cluster:
         made.cluster.start_workers(workers)
-        made.launch()
+        made.launcher.start()
         try:
             yield made
         finally:
@@ -136,71 +169,26 @@ def test_any_number_of_workers(tmp_path, reference, workers):
         require_same_front(staged.launcher, reference)
 
 
-def test_workers_killed_in_mid_task_again_and_again(tmp_path, reference, chance):
-    with scene(tmp_path, chance, "workers", 2) as staged:
-        staged.launcher.wait_until_stored(1)
-        while not staged.launcher.ended:
-            staged.at_random(0.3, 2.5)
-            staged.kill_worker()
-        require_same_front(staged.launcher, reference)
+BLOWS: dict[str, tuple[int, list[Callable[[Scene], None]]]] = {
+    "workers killed again and again": (8, [Scene.kill_worker]),
+    "all workers gone, new ones joining": (2, [Scene.replace_workers]),
+    "the scheduler killed": (2, [Scene.restart_scheduler]),
+    "the launcher killed": (4, [Scene.kill_launcher]),
+    "the launcher at the end of its walltime": (3, [Scene.stop_launcher]),
+    "a storm": (
+        8,
+        [Scene.kill_worker, Scene.kill_worker, Scene.restart_scheduler, Scene.kill_launcher, Scene.stop_launcher],
+    ),
+}
+"""How many blows, of which kinds."""
 
 
-def test_all_workers_gone_and_new_ones_joining(tmp_path, reference, chance):
-    with scene(tmp_path, chance, "all workers", 2) as staged:
-        for _ in range(2):
-            staged.at_random(3.0, 7.0)
-            if staged.launcher.ended:
-                break
-            staged.cluster.kill_workers()
-            staged.blow("times all workers gone")
-            staged.at_random(0.0, 2.0)
-            staged.cluster.start_workers(chance.choice([1, 2, 3]))
-        require_same_front(staged.launcher, reference)
-
-
-def test_the_scheduler_killed_and_restarted(tmp_path, reference, chance):
-    """Its workers find the new one, or others join."""
-    with scene(tmp_path, chance, "scheduler", 2) as staged:
-        for _ in range(2):
-            staged.at_random(3.0, 7.0)
-            if staged.launcher.ended:
-                break
-            staged.cluster.kill_scheduler()
-            staged.blow("schedulers killed")
-            staged.at_random(0.0, 2.0)
-            staged.cluster.start_scheduler()
-            staged.cluster.kill_workers()
-            staged.cluster.start_workers(2)
-        require_same_front(staged.launcher, reference)
-
-
-def test_the_launcher_killed_and_started_again(tmp_path, reference, chance):
-    with scene(tmp_path, chance, "launcher", 2) as staged:
-        for _ in range(4):
-            staged.at_random(0.5, 6.0)
-            if staged.launcher.ended:
-                break
-            staged.launcher.kill()
-            staged.blow("launchers killed")
-            safe = staged.launcher.stored()
-            staged.launch()
-            kept = staged.launcher.stored()
-            TALLY.generations_safe += len(safe & kept)
-            TALLY.generations_lost += len(safe - kept)
-            assert safe <= kept
-        require_same_front(staged.launcher, reference)
-
-
-def test_the_launcher_stopped_at_the_end_of_its_walltime(tmp_path, reference, chance):
-    with scene(tmp_path, chance, "walltime", 2) as staged:
-        for _ in range(3):
-            staged.at_random(2.0, 5.0)
-            if staged.launcher.ended:
-                break
-            status = staged.launcher.stop()
-            staged.blow("launchers terminated")
-            assert status in (143, -signal.SIGTERM), staged.launcher.log.read_text()
-            staged.launch()
+@pytest.mark.parametrize("name", BLOWS)
+def test_the_same_front_whatever_happens(tmp_path, reference, chance, name):
+    count, kinds = BLOWS[name]
+    with scene(tmp_path, chance, name, 2) as staged:
+        for _ in staged.moments(count):
+            chance.choice(kinds)(staged)
         require_same_front(staged.launcher, reference)
 
 
@@ -221,24 +209,3 @@ def test_the_disk_cache_deleted_in_between(tmp_path, reference, chance):
     shutil.rmtree(cache)
     TALLY.blows["disk caches deleted"] += 1
     require_same_front(launcher, reference)
-
-
-def test_everything_at_once(tmp_path, reference, chance):
-    with scene(tmp_path, chance, "storm", 3) as staged:
-        deadline = time.monotonic() + 40
-        while not staged.launcher.ended and time.monotonic() < deadline:
-            staged.at_random(0.5, 3.0)
-            match chance.randrange(6):
-                case 0:
-                    staged.launcher.kill()
-                    staged.blow("launchers killed")
-                    staged.launch()
-                case 1:
-                    staged.cluster.kill_scheduler()
-                    staged.blow("schedulers killed")
-                    staged.cluster.start_scheduler()
-                    staged.cluster.kill_workers()
-                    staged.cluster.start_workers(chance.choice([1, 2, 3]))
-                case _:
-                    staged.kill_worker()
-        require_same_front(staged.launcher, reference)
