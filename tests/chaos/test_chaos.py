@@ -17,6 +17,7 @@ from pathlib import Path
 import psutil
 import pytest
 
+import fitters.cache
 from gpsearch.front import Store
 from tests.chaos.actors import Cluster, Launcher
 from tests.chaos.tally import TALLY
@@ -195,6 +196,8 @@ def test_the_same_front_whatever_happens(tmp_path, reference, chance, name):
 def test_the_disk_cache_deleted_in_between(tmp_path, reference, chance):
     """Materials, light and compiled engine are made anew; in one process, since that takes a minute of it."""
     cache = tmp_path / "cache"
+    with suppress(FileNotFoundError):
+        shutil.copytree(fitters.cache.folder(), cache)
     (tmp_path / "chaos.yaml").write_text(text())
     launcher = Launcher(tmp_path, "chaos.yaml", "run", cache)
     launcher.start()

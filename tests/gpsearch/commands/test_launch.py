@@ -16,6 +16,7 @@ from fitters.materials import load_material
 from fitters.materials.merl import FILE_BYTES, HEADER, write_merl
 from gpsearch.exports import schema
 from gpsearch.front import Store
+from gpsearch.front.lock import holder
 from tests.gpsearch.small import (
     GPSEARCH,
     PATIENCE_SECONDS,
@@ -75,7 +76,7 @@ def test_a_launch_leaves_the_front_as_json_and_as_a_picture(whole):
     folder, result = whole
     assert result.returncode == 0, result.stderr
     run = folder / "runs" / "small"
-    assert {path.name for path in run.iterdir()} == {"run.sqlite", "front.json", "front.png"}
+    assert {path.name for path in run.iterdir()} == {"run.sqlite", "run.lock", "front.json", "front.png"}
     front = json.loads((run / "front.json").read_text())["front"]
     listed = result.stdout.splitlines()
     assert listed[0].split() == ["nodes", "error", "formula"]
@@ -106,23 +107,73 @@ def test_launching_a_finished_run_again_changes_nothing(whole):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL])
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
 def test_a_process_that_is_stopped_goes_on_to_the_same_front(folder, whole, how):
     with launched(folder) as process:
         wait_for(process.stderr, "generation 1/4")
         process.send_signal(how)
-        assert process.wait(PATIENCE_SECONDS) == (130 if how == signal.SIGINT else -how)
+        status = {signal.SIGINT: 130, signal.SIGTERM: 143}.get(how, -how)
+        assert process.wait(PATIENCE_SECONDS) == status
         assert process.stderr is not None
         told = process.stderr.read()
-    if how == signal.SIGINT:
+    if how != signal.SIGKILL:
         assert told.splitlines()[-2].startswith("stopped after generation ")
         assert told.splitlines()[-1] == "  gpsearch launch small.yaml --run run"
         assert "Traceback" not in told
     assert 1 <= Store.open(folder / "run").totals()[0] < 4
+    assert holder(folder / "run") is None
     result = gpsearch("launch", "small.yaml", "--run", "run", cwd=folder)
     assert result.returncode == 0, result.stderr
     assert result.stderr.startswith("small goes on after generation ")
     assert without_times(folder / "run/front.json") == without_times(whole[0] / "runs/small/front.json")
+    events = [(kind, detail) for _, kind, detail in Store.open(folder / "run").events()]
+    assert [kind for kind, _ in events] == [
+        "launch",
+        "takeover" if how == signal.SIGKILL else "stopped",
+        "launch",
+        "end",
+    ]
+
+
+@pytest.mark.slow
+def test_a_second_launcher_is_refused_while_the_first_one_runs(folder):
+    with launched(folder) as process:
+        wait_for(process.stderr, "small starts")
+        message = refused(gpsearch_process("launch", "small.yaml", "--run", "run", cwd=folder), 2)
+        assert f"run: another gpsearch launch runs here (process {process.pid} on " in message
+        running = json.loads(gpsearch("status", "run", "--json", cwd=folder).stdout)["running"]
+        assert running == {"host": socket.gethostname(), "pid": process.pid}
+        assert process.stderr is not None
+        process.stderr.read()
+        assert process.wait(PATIENCE_SECONDS) == 0
+    assert json.loads(gpsearch("status", "run", "--json", cwd=folder).stdout)["running"] is None
+
+
+@pytest.mark.slow
+def test_a_full_disk_ends_the_run_and_loses_nothing(folder, whole):
+    """A file system of half a megabyte; once there is room, the same command goes on."""
+    small_disk = folder / "disk"
+    small_disk.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=512k", "tmpfs", small_disk], capture_output=True, check=False
+    )
+    if mounted.returncode:
+        pytest.skip("no right to mount a small file system")
+    try:
+        (folder / "small.yaml").write_text(small_text())
+        filler = small_disk / "filler"
+        filler.write_bytes(bytes(330_000))
+        message = refused_after_start(gpsearch_process("launch", "small.yaml", "--run", "disk/run", cwd=folder), 1)
+        assert "disk/run/run.sqlite: cannot be written (database or disk is full)" in message
+        assert "make room or mend the disk, and the same command goes on from there" in message
+        assert json.loads(gpsearch("status", "disk/run", "--json", cwd=folder).stdout)["generations"] < 4
+        filler.unlink()
+        subprocess.run(["mount", "-o", "remount,size=8m", small_disk], check=True)
+        result = gpsearch("launch", "small.yaml", "--run", "disk/run", cwd=folder)
+        assert result.returncode == 0, result.stderr
+        assert without_times(small_disk / "run/front.json") == without_times(whole[0] / "runs/small/front.json")
+    finally:
+        subprocess.run(["umount", "-l", small_disk], check=True)
 
 
 def test_ctrl_c_before_the_first_generation_is_as_clean(folder):

@@ -4,7 +4,6 @@ import json
 import os
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
 from math import inf
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from hypothesis import strategies as st
 
 from fitters.fits import Description, Fit
 from fitters.fits.checks import Checks
-from gpsearch.errors import GpsearchError
+from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.evolution.island import Individual, Island
 from gpsearch.front import (
     FormulaBaseline,
@@ -29,6 +28,7 @@ from gpsearch.front import (
 )
 from gpsearch.front.records import description_json
 from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
+from tests.unprivileged import unprivileged
 
 FLOATS = st.floats(0, allow_nan=False)
 EDITS = (Swap("a.0", "a.1"), Insert("a.0", "p0 / pi", "b"), Replace("b.1", "p1"), Delete("b.2", "c"))
@@ -311,18 +311,6 @@ def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
     assert Store.open(tmp_path).configuration == "again"
 
 
-@contextmanager
-def as_nobody() -> Iterator[None]:
-    """Without root's right to write everywhere."""
-    user = os.geteuid()
-    if user == 0:
-        os.seteuid(65534)
-    try:
-        yield
-    finally:
-        os.seteuid(user)
-
-
 def read_only(folder: Path) -> None:
     folder.chmod(0o555)
     for above in folder.parents:
@@ -333,7 +321,7 @@ def read_only(folder: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
     read_only(tmp_path)
     with (
-        as_nobody(),
+        unprivileged(),
         pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"),
     ):
         Store.create(tmp_path / "run", "")
@@ -348,7 +336,44 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
 def test_writing_into_a_store_that_may_only_be_read_fails_in_one_sentence(store):
     store._connection.execute("PRAGMA query_only = ON")
     with (
-        pytest.raises(GpsearchError, match=r"cannot be written .* the last whole generation is safe"),
+        pytest.raises(GpsearchError, match=r"cannot be written .* the last whole generations are safe"),
         store.transaction(),
     ):
         store.save_seconds(1.0)
+
+
+def test_a_run_that_may_only_be_read_is_read(store, tmp_path):
+    """As on an archive: no file can be made beside it."""
+    with store.transaction():
+        store.save_seconds(12.0)
+    folder = store.path.parent
+    store.close()
+    read_only(folder)
+    with unprivileged():
+        read = Store.open(folder)
+        assert read.seconds == 12.0
+        with pytest.raises(StoreError, match="cannot be written"), read.transaction():
+            read.save_seconds(13.0)
+        read.close()
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.3, 0.7, 0.99])
+def test_a_torn_log_costs_the_last_transactions_alone(store, tmp_path, kept):
+    """A launcher killed, and its file system cut the end of the log: what was before it is there and whole."""
+    for second in range(1, 200):
+        with store.transaction():
+            store.save_seconds(float(second))
+            store.log("second", str(second))
+    copied = tmp_path / "copied"
+    copied.mkdir()
+    log = (store.path.parent / "run.sqlite-wal").read_bytes()
+    (copied / "run.sqlite").write_bytes(store.path.read_bytes())
+    (copied / "run.sqlite-wal").write_bytes(log[: int(kept * len(log))])
+    read = Store.open(copied)
+    assert read.events()[-1:] == read.events()[int(read.seconds) - 1 :]
+    assert read._connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+    assert kept < 0.9 or read.seconds > 100
+    with read.transaction():
+        read.save_seconds(1000.0)
+    read.close()
+    assert Store.open(copied).seconds == 1000.0

@@ -1,0 +1,107 @@
+"""Candidates that crash, hang or raise cost a run themselves alone."""
+
+import os
+import signal
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fitters.expressions import parse
+from fitters.fits import Candidate, Fit, FitProblem, screen
+from gpsearch.exports import front_json
+from gpsearch.front import Known, Store
+from gpsearch.search.plan import Plan, plan
+from gpsearch.search.search import Search
+from tests.gpsearch.small import Watching, small, without_times
+from workers import DaskSettings, Executor, WorkersError, open_executor
+from workers.local import LocalExecutor
+
+TARGETS = 3
+
+
+def bad_screen(problem: FitProblem, candidate: Candidate, *, victims: dict[str, str], **settings) -> Fit:
+    """As `screen`, but for the victims, each of which fails in its way."""
+    match victims.get(candidate.expression):
+        case "crash":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "hang":
+            time.sleep(3600)
+        case "raise":
+            raise ZeroDivisionError("never seen before")
+        case "nothing":
+            count = len(parse(candidate.expression).parameters)
+            names = tuple(f"p{i}" for i in range(count))
+            return Fit(names, np.ones((TARGETS, count)), np.full(TARGETS, np.inf), np.inf, 0)
+    return screen(problem, candidate, **settings)
+
+
+@dataclass(frozen=True)
+class BadPlan(Plan):
+    """A plan some of whose candidates fail."""
+
+    victims: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def screen(self):
+        return partial(bad_screen, victims=dict(self.victims), bounds=self.bounds, settings=self.settings)
+
+
+def searched(folder: Path, victims: dict[str, str], executor: Executor, size: int = 8) -> Store:
+    configuration = small(folder, fit={"warm_starts": False}, search={"island_size": size})
+    store = Store.create(folder / "run", configuration.text())
+    planned = BadPlan(**vars(plan(configuration)), victims=tuple(victims.items()))
+    Search(planned, store, executor, Watching()).run()
+    return store
+
+
+@pytest.fixture(scope="module")
+def expressions(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """What a run fits in its second generation, so that it is in the midst of something."""
+    store = searched(tmp_path_factory.mktemp("expressions"), {}, LocalExecutor())
+    return sorted(key for key, known in store.fits() if known.generation == 2)
+
+
+@pytest.mark.slow
+def test_a_run_survives_what_crashes_hangs_and_raises(tmp_path, expressions):
+    """Its front is the one of a run in which the same candidates have no fit."""
+    ways = dict(zip(expressions[::3], ["crash", "hang", "raise"], strict=False))
+    assert len(ways) == 3
+    (tmp_path / "alone").mkdir()
+    unfitted = searched(tmp_path / "alone", dict.fromkeys(ways, "nothing"), LocalExecutor())
+    (tmp_path / "bad").mkdir()
+    with open_executor(DaskSettings(workers=2, hang_seconds=1)) as executor:
+        survived = searched(tmp_path / "bad", ways, executor)
+        incidents = executor.incidents()
+    assert incidents == []
+    configuration = small(tmp_path)
+    fronts = [without_times(front_json(store, configuration)) for store in (unfitted, survived)]
+    assert fronts[0] == fronts[1]
+    assert unfitted.quarantined() == []
+    found = {one.reason.split(",")[0]: one for one in survived.quarantined()}
+    assert len(found) == 3
+    for reason in (
+        "its worker process died",
+        "did not end within 1 s",
+        "raised ZeroDivisionError: never seen before",
+    ):
+        assert found[reason].stage == "screen"
+        assert found[reason].generation == 2
+    known = dict(survived.fits())
+    assert all(known[expression] == Known(np.inf, 0.0, np.inf, known[expression].island, 2) for expression in ways)
+
+
+def test_where_nearly_all_fail_the_run_does(tmp_path):
+    """Not the candidates are to blame then. What was stored before is kept."""
+    (tmp_path / "well").mkdir()
+    well = searched(tmp_path / "well", {}, LocalExecutor(), size=32)
+    later = [key for key, known in well.fits() if known.generation == 2]
+    (tmp_path / "bad").mkdir()
+    with pytest.raises(WorkersError, match=r"screen island \d generation 2: \d+ of \d+ candidates could not be"):
+        searched(tmp_path / "bad", dict.fromkeys(later, "raise"), LocalExecutor(), size=32)
+    store = Store.open(tmp_path / "bad" / "run")
+    assert set(store.island_generations().values()) == {1}
+    assert store.totals()[1] == 64
