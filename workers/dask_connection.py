@@ -16,6 +16,9 @@ from workers.terminal import silenced_logs
 from workers.tls import OPTIONS, Tls, check_files, expects_tls, trouble
 
 PACKAGE = "gpsearch"
+ANSWER_SECONDS = 10.0
+"""How long a worker may take to say which version it has: a frozen one never does."""
+
 ADDRESS = re.compile(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
 
 
@@ -90,26 +93,37 @@ async def _shake_hands(address: str, wait_seconds: float, security: Security) ->
     comm.abort()
 
 
-def require_same_package(client: Client) -> None:
-    """Raises `WorkersError` where the scheduler or a worker holds another gpsearch than ours, or none."""
-    ours = importlib.metadata.version(PACKAGE)
-    for place, fault in versions(client, ours).items():
-        raise WorkersError(f"worker {place} {fault}")
-    if fault := _fault(_version_of_scheduler(client), ours):
-        raise WorkersError(f"scheduler {fault}")
+def require_same_package(client: Client, ours: str) -> dict[str, str]:
+    """What is wrong with the gpsearch of workers, by address: see `versions`.
+
+    Raises `WorkersError` where the scheduler or every worker has another one than `ours`, or none.
+    """
+    faults = client.sync(versions, client, ours)
+    if faults.keys() >= client.nthreads().keys():
+        for place, text in faults.items():
+            raise WorkersError(f"worker {place} {text}")
+    if text := fault(client.sync(_version_of_scheduler, client), ours):
+        raise WorkersError(f"scheduler {text}")
+    return faults
 
 
-def versions(client: Client, ours: str) -> dict[str, str]:
+async def versions(client: Client, ours: str, workers: list[str] | None = None) -> dict[str, str]:
     """What is wrong with the gpsearch of those workers that have another version than ours, by address.
 
-    Asks by a function of the standard library, since it must be found where our package is not.
+    Asks by a function of the standard library, since it must be found where our package is not. Where a worker
+    does not answer in time, none is blamed: the first task that one of them gets will tell.
     """
-    answers = client.run(importlib.metadata.version, PACKAGE, on_error="return")
-    faults = {address: _fault(answer, ours) for address, answer in answers.items()}
-    return {address: fault for address, fault in faults.items() if fault}
+    question = client.run(importlib.metadata.version, PACKAGE, workers=workers, on_error="return")
+    try:
+        answers = await asyncio.wait_for(question, ANSWER_SECONDS)
+    except TimeoutError:
+        return {}
+    faults = {address: fault(answer, ours) for address, answer in answers.items()}
+    return {address: text for address, text in faults.items() if text}
 
 
-def _fault(version: str | BaseException, ours: str) -> str:
+def fault(version: str | BaseException, ours: str) -> str:
+    """What is wrong with an answer to which version there is; nothing where it is ours."""
     if isinstance(version, importlib.metadata.PackageNotFoundError):
         return f"has no {PACKAGE}: install {PACKAGE} {ours} there"
     if isinstance(version, BaseException):
@@ -119,8 +133,9 @@ def _fault(version: str | BaseException, ours: str) -> str:
     return ""
 
 
-def _version_of_scheduler(client: Client) -> str | BaseException:
+async def _version_of_scheduler(client: Client) -> str | BaseException:
+    question = client.run_on_scheduler(importlib.metadata.version, PACKAGE)
     try:
-        return client.run_on_scheduler(importlib.metadata.version, PACKAGE)
+        return await asyncio.wait_for(question, ANSWER_SECONDS)
     except Exception as error:
         return error

@@ -10,13 +10,14 @@ import importlib.metadata
 import re
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
-from time import monotonic
+from time import monotonic, sleep
 from uuid import uuid4
+from weakref import WeakKeyDictionary
 
 from distributed import Client, KilledWorker
 
 from fitters.errors import FittersError
-from workers.dask_connection import PACKAGE, connect, require_same_package
+from workers.dask_connection import PACKAGE, connect, fault, require_same_package
 from workers.dispatch import Batch, Dispatch, Submission
 from workers.errors import WorkersError, task_failed
 from workers.jobs import Done, Incident, Job
@@ -27,13 +28,15 @@ from workers.session import (
     Erred,
     Event,
     Finished,
+    Foreign,
     ResultLost,
     Session,
-    WorkerDied,
+    WorkerLeft,
     Workers,
 )
 from workers.settings import DaskSettings
 from workers.task import ForeignWorkerError, Task
+from workers.terminal import silenced_logs
 
 TICK = 0.25
 """Seconds after which what hangs or is late is looked for, where nothing happens."""
@@ -59,13 +62,16 @@ class DaskExecutor:
         self._wait_seconds = wait_seconds
         self._dispatch = Dispatch(hang_seconds)
         self._version = importlib.metadata.version(PACKAGE)
-        self._names: dict[Job, str] = {}
+        self._names: WeakKeyDictionary[Job, str] = WeakKeyDictionary()
         self._threads: dict[str, int] = {}
         self._refused: set[str] = set()
         self._incidents: list[Incident] = []
         self._without_since: float | None = None
         self._began = monotonic()
-        self._session: Session | None = self._connected(wait_seconds)
+        with ExitStack() as resources:
+            resources.enter_context(silenced_logs())
+            self._session: Session | None = self._connected(wait_seconds)
+            self._resources = resources.pop_all()
 
     @property
     def description(self) -> str:
@@ -98,6 +104,8 @@ class DaskExecutor:
             else:
                 for event in self._session.events(min(left, TICK)):
                     done += self._handled(event)
+                    if self._session is None:
+                        break
                 done += self._dispatch.overdue(monotonic())
                 self._require_workers()
             self._send()
@@ -121,13 +129,14 @@ class DaskExecutor:
 
     def close(self) -> None:
         """Closes the client, and the processes where we started them."""
-        if self._session is not None:
-            self._session.close()
+        with self._resources:
+            if self._session is not None:
+                self._session.close()
 
     # what goes out
 
     def _send(self) -> None:
-        if self._session is None:
+        if self._session is None or self._session.lost:
             return
         if threads := sum(self._usable().values()):
             for submission in self._dispatch.submissions(threads, monotonic()):
@@ -139,7 +148,7 @@ class DaskExecutor:
         assert self._session is not None
         batch, workers = submission.batch, None
         if self._refused or submission.avoid:
-            workers = [address for address in self._usable() if address != submission.avoid] or None
+            workers = [address for address in self._usable() if address not in submission.avoid] or None
         task = Task(
             function=batch.job.function,
             recipe=batch.job.recipe,
@@ -148,7 +157,7 @@ class DaskExecutor:
             topic=self._session.topic,
             version=self._version,
             limit=batch.limit,
-            suspect=batch.strikes > 0,
+            suspect=batch.strikes > 0 or batch.doubted,
         )
         self._session.submit(submission.key, self._names[batch.job], task, workers)
 
@@ -169,10 +178,12 @@ class DaskExecutor:
                 dispatch.refused(key)
             case Erred(key, error):
                 self._erred(key, error)
-            case WorkerDied(worker):
-                return dispatch.worker_died(worker)
+            case WorkerLeft(worker, keys, died):
+                return dispatch.worker_left(worker, keys, died=died)
             case Workers(threads):
                 self._note_workers(threads)
+            case Foreign(faults):
+                self._refuse(faults)
             case Disconnected():
                 self._disconnected()
         return []
@@ -185,35 +196,36 @@ class DaskExecutor:
         if isinstance(error, FittersError):
             raise _failure(batch, error)
         if isinstance(error, KilledWorker):
-            self._dispatch.refused(key)
-            if monotonic() - self._began > self._wait_seconds:
+            in_vain = not self._dispatch.dropped(key)
+            if in_vain and monotonic() - self._began > self._wait_seconds:
                 raise WorkersError(
                     f"{batch.job.label}: for {self._wait_seconds:g} s worker processes have died before they could"
                     f" begin, the last at {error.last_worker.address}: see its log; materials that do not fit into"
                     " its memory are the usual reason"
                 ) from error
             return
-        if self._refuse_foreign_workers() or isinstance(error, ForeignWorkerError):
+        if isinstance(error, ForeignWorkerError):
+            self._refuse({error.address: fault(error.version, self._version)})
             self._dispatch.refused(key)
-        elif not self._dispatch.dropped(key):
+        elif self._session is not None and self._refuse(self._session.foreign_workers()):
+            self._dispatch.refused(key)
+        elif not self._dispatch.erred(key):
             raise _failure(batch, error)
 
-    def _refuse_foreign_workers(self) -> bool:
-        """Gives workers with another package no more work; whether there were new ones."""
-        assert self._session is not None
-        found = self._session.foreign_workers(self._version)
-        new = found.keys() - self._refused
-        for address in sorted(new):
-            self._incidents.append(Incident("refused", f"worker {address} {found[address]}; it gets no work"))
-        self._refused |= new
-        return bool(new)
+    def _refuse(self, faults: dict[str, str]) -> bool:
+        """Gives workers with another package no more work; whether any has one."""
+        for address in sorted(faults.keys() - self._refused):
+            self._incidents.append(Incident("refused", f"worker {address} {faults[address]}; it gets no work"))
+        self._refused |= faults.keys()
+        return bool(faults)
 
     def _note_workers(self, threads: dict[str, int]) -> None:
         joined, left = threads.keys() - self._threads.keys(), self._threads.keys() - threads.keys()
         if joined or left:
-            counts = f"{len(joined)} joined, {len(left)} left, {len(threads)} there"
-            self._incidents.append(Incident("workers", counts))
+            changes = [f"{len(joined)} joined"] * bool(joined) + [f"{len(left)} left"] * bool(left)
+            self._incidents.append(Incident("workers", ", ".join([*changes, f"{len(threads)} there"])))
         self._threads = threads
+        self._refused &= threads.keys()
         self._without_since = None if self._usable() else self._without_since or monotonic()
 
     def _require_workers(self) -> None:
@@ -229,10 +241,11 @@ class DaskExecutor:
     def _connected(self, seconds: float) -> Session:
         with ExitStack() as resources:
             client = self._reach(seconds, resources)
-            require_same_package(client)
+            self._refused.clear()
+            self._refuse(require_same_package(client, self._version))
             self._threads = dict(client.nthreads())
             self._without_since = None
-            return Session(client, resources.pop_all())
+            return Session(client, self._version, self._threads, resources.pop_all())
 
     def _disconnected(self) -> None:
         """All that was out will go out again, through another connection."""
@@ -242,7 +255,6 @@ class DaskExecutor:
             self._session.close()
         self._session = None
         self._dispatch.scheduler_lost()
-        self._dispatch.cancelled.clear()
         self._without_since = monotonic()
         self._incidents.append(Incident("scheduler", f"lost the connection to {self._place(len(self._threads))}"))
 
@@ -254,13 +266,15 @@ class DaskExecutor:
             if not self._again:
                 raise WorkersError("its scheduler was part of this process")
             self._session = self._connected(ATTEMPT_SECONDS)
-        except WorkersError as error:
+        except Exception as error:
+            # A scheduler that has just come back may go away in the middle of anything.
             self._without_since = since
             if not self._again or monotonic() - since > self._wait_seconds:
                 raise WorkersError(
                     f"lost the connection to {self._place(len(self._threads))} with {self.outstanding} pieces of"
                     f" work outstanding: {error}; what was stored is kept"
                 ) from error
+            sleep(TICK)
             return
         back = f"back after {monotonic() - since:.0f} s: {self.description}"
         self._incidents.append(Incident("scheduler", back))

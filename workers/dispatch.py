@@ -5,17 +5,17 @@ does no I/O, so that every mishap can be tested as a sequence of calls.
 
 Items travel in batches of about `TASK_SECONDS`. A batch that loses its process twice, or hangs, is halved until
 the item that does it is alone; that one is given up after `DEATHS` processes or `HANGS` time limits. A batch that
-takes much longer than it should goes out once more while a worker is idle: functions are pure, the first result
-counts.
+takes much longer than it should goes out once more, to another worker: functions are pure, so that the first
+result counts.
 """
 
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import count
-from math import ceil
+from math import ceil, inf
 from typing import Any
 
 from workers.attempt import RAISES, Raised
@@ -36,14 +36,15 @@ HANGS = 2
 PATIENCE = 30.0
 """A batch hangs that takes so many times what it should, but not before the limit that is set for all."""
 
-UNMEASURED = 60.0
+UNMEASURED = 10.0
 """The factor on that limit for work of which nothing is measured yet."""
 
 LATE_FACTOR, LATE_SECONDS = 5.0, 5.0
-"""A batch goes out once more to an idle worker after so many times what it should take, and at least so long."""
+"""A batch is late after so many times what it should take, and at least so long; more than `AHEAD`, so that what
+waits at a worker that works is not."""
 
-UNBEGUN_SECONDS = 15.0
-"""So long a batch may wait at a worker before it goes out once more to an idle one."""
+COPIES = 4
+"""One in so many threads, or one, repeats what is late while other work waits; those that would be idle all do."""
 
 
 @dataclass(eq=False)
@@ -52,7 +53,9 @@ class Batch:
 
     strikes: processes that died with it; those of the batch that it is a half of count as one
     hangs:   limits that it ran into, when alone
-    unbegun: how often the cluster gave it up though it had not begun
+    unbegun: how often the cluster gave it up though it had not begun, and nothing else had
+    doubted: whether processes were lost with it, even if it is not known to have begun there
+    errors:  how often it failed as a whole
     limit:   seconds after which it is taken to hang
     out:     under which keys it is out now
     """
@@ -62,6 +65,8 @@ class Batch:
     strikes: int = 0
     hangs: int = 0
     unbegun: int = 0
+    doubted: bool = False
+    errors: int = 0
     limit: float = 0.0
     out: dict[str, Attempt] = field(default_factory=dict)
 
@@ -81,11 +86,11 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Submission:
-    """A batch to submit under a key, if possible not to a worker."""
+    """A batch to submit under a key, if possible not to workers that are stuck."""
 
     key: str
     batch: Batch
-    avoid: str | None = None
+    avoid: frozenset[str] = frozenset()
 
 
 class Dispatch:
@@ -103,6 +108,7 @@ class Dispatch:
         self._numbers = count()
         self._seconds: dict[str, float] = {}
         self._raised: Counter[tuple[Job, int]] = Counter()
+        self._latest_start = -inf
         self.cancelled: list[str] = []
         self.retries = 0
         self.given_up = 0
@@ -123,7 +129,8 @@ class Dispatch:
     # what is asked for
 
     def add(self, job: Job) -> None:
-        self._waiting.append(Batch(job, range(len(job.items))))
+        if job.items:
+            self._waiting.append(Batch(job, range(len(job.items))))
 
     def clear(self) -> None:
         """Nothing is asked for any more."""
@@ -134,17 +141,39 @@ class Dispatch:
 
     def submissions(self, threads: int, now: float) -> Iterator[Submission]:
         """What to submit now, given so many threads in the cluster."""
-        while self._waiting and len(self._out) < AHEAD * threads:
+        late = self._late(now)
+        stuck = [attempt.worker for attempt in late.values() if attempt.worker is not None]
+        avoid = frozenset(stuck)
+        for batch in self._to_repeat(late, threads, len(stuck)):
+            self.retries += 1
+            yield self._submitted(batch, now, avoid)
+        while self._waiting and len(self._out) - len(late) < AHEAD * threads:
             batch = self._next_batch(threads)
             batch.limit = self._limit(batch)
-            yield self._submitted(batch, now)
-        if not self._waiting and len(self._out) < threads:
-            idle = threads - len(self._out)
-            slow = [batch for batch in self._out.values() if len(batch.out) == 1 and self._is_late(batch, now)]
-            for batch in slow[:idle]:
-                (attempt,) = batch.out.values()
-                self.retries += 1
-                yield self._submitted(batch, now, avoid=attempt.worker)
+            yield self._submitted(batch, now, avoid)
+
+    def _late(self, now: float) -> dict[str, Attempt]:
+        """What is out, by key, and takes much longer than it should, or waits while later work has begun."""
+        slowest = max((self._usual(batch) for batch in self._out.values()), default=0.0)
+        late = {}
+        for key, batch in self._out.items():
+            attempt = batch.out[key]
+            if attempt.began is not None:
+                is_late = now - attempt.began > max(LATE_SECONDS, LATE_FACTOR * self._usual(batch))
+            else:
+                overtaken = self._latest_start > attempt.submitted
+                is_late = overtaken and now - attempt.submitted > max(LATE_SECONDS, LATE_FACTOR * slowest)
+            if is_late:
+                late[key] = attempt
+        return late
+
+    def _to_repeat(self, late: dict[str, Attempt], threads: int, stuck: int) -> list[Batch]:
+        """Those of the late ones that shall go out a second time, without keeping other work from the threads."""
+        idle = threads - stuck - (len(self._out) - len(late)) if not self._waiting else 0
+        copies = sum(len(batch.out) == 2 for batch in set(self._out.values()))
+        room = min(threads - stuck, max(idle, max(1, threads // COPIES) - copies))
+        found = [self._out[key] for key in late if len(self._out[key].out) == 1]
+        return found[: max(0, room)]
 
     def _next_batch(self, threads: int) -> Batch:
         """The first that waits, or as many of its items as make a task."""
@@ -152,9 +181,9 @@ class Dispatch:
         size = self._size(batch.job, threads, self._items_waiting + len(batch.indices))
         if len(batch.indices) <= size:
             return batch
-        rest = Batch(batch.job, batch.indices[size:], batch.strikes)
+        rest = Batch(batch.job, batch.indices[size:], batch.strikes, doubted=batch.doubted)
         self._waiting.appendleft(rest)
-        return Batch(batch.job, batch.indices[:size], batch.strikes)
+        return Batch(batch.job, batch.indices[:size], batch.strikes, doubted=batch.doubted)
 
     def _size(self, job: Job, threads: int, waiting: int) -> int:
         cost = self._cost(job)
@@ -167,26 +196,23 @@ class Dispatch:
     def _limit(self, batch: Batch) -> float:
         if batch.job.kind not in self._seconds:
             return UNMEASURED * self._hang_seconds
-        return max(self._hang_seconds, PATIENCE * self._cost(batch.job) * len(batch.indices))
+        return max(self._hang_seconds, PATIENCE * self._usual(batch))
 
-    def _submitted(self, batch: Batch, now: float, avoid: str | None = None) -> Submission:
+    def _usual(self, batch: Batch) -> float:
+        return self._cost(batch.job) * len(batch.indices)
+
+    def _submitted(self, batch: Batch, now: float, avoid: frozenset[str]) -> Submission:
         key = f"{next(self._numbers)}"
         self._out[key] = batch
         batch.out[key] = Attempt(now)
         return Submission(key, batch, avoid)
-
-    def _is_late(self, batch: Batch, now: float) -> bool:
-        (attempt,) = batch.out.values()
-        if attempt.began is None:
-            return now - attempt.submitted > UNBEGUN_SECONDS
-        usual = self._cost(batch.job) * len(batch.indices)
-        return now - attempt.began > max(LATE_SECONDS, LATE_FACTOR * usual)
 
     # what happened
 
     def began(self, key: str, worker: str, now: float) -> None:
         if batch := self._out.get(key):
             batch.out[key].worker, batch.out[key].began = worker, now
+            self._latest_start = now
 
     def finished(self, key: str, results: Sequence[Any], seconds: float) -> list[Done]:
         """Results of a batch, `Raised` in place of those whose function raised; they are tried elsewhere."""
@@ -198,25 +224,37 @@ class Dispatch:
         done = []
         for index, result in zip(batch.indices, results, strict=True):
             if not isinstance(result, Raised):
+                self._raised.pop((batch.job, index), None)
                 done.append(Done(batch.job, index, result))
                 continue
             self._raised[batch.job, index] += 1
             if self._raised[batch.job, index] < RAISES:
                 self._again(Batch(batch.job, (index,)))
             else:
+                del self._raised[batch.job, index]
                 done.append(self._failed(batch.job, index, f"raised {result.text}"))
         return done
 
-    def worker_died(self, worker: str) -> list[Done]:
-        """A process is gone without notice; what had begun there is a suspect."""
+    def worker_left(self, worker: str, keys: Iterable[str], *, died: bool) -> list[Done]:
+        """A worker is gone, with notice or without, which had these keys; the cluster gives them to others.
+
+        Where it died, what had begun there is a suspect, and what merely waited there is not.
+        """
         done = []
-        for key, batch in list(self._out.items()):
-            attempt = batch.out.get(key)
-            if attempt is not None and attempt.worker == worker:
-                attempt.worker = attempt.began = None
+        mine = [key for key, batch in self._out.items() if batch.out[key].worker == worker]
+        for key in mine:
+            batch = self._out.get(key)
+            if batch is None:
+                continue
+            batch.out[key].worker = batch.out[key].began = None
+            if died:
                 batch.strikes += 1
                 self.retries += 1
                 done += self._judged(batch)
+        if died and not mine:
+            for key in keys:
+                if batch := self._out.get(key):
+                    batch.doubted = True
         return done
 
     def _judged(self, batch: Batch) -> list[Done]:
@@ -233,18 +271,26 @@ class Dispatch:
     def dropped(self, key: str) -> bool:
         """The cluster gave a key up, after deaths as a rule: it goes out again.
 
-        False where it had given up the same batch before it had even begun: then the items are not to blame.
+        False where it has given up the same batch twice, and nothing at all began meanwhile: then no item is to
+        blame.
         """
-        batch = self._out.pop(key, None)
+        batch = self._out.get(key)
         if batch is None:
             return True
-        attempt = batch.out.pop(key)
-        batch.unbegun += not batch.strikes and attempt.began is None
-        if batch.unbegun > 1:
-            return False
-        if not batch.out:
-            self._again(batch)
-        return True
+        attempt = batch.out[key]
+        batch.doubted = True
+        batch.unbegun += attempt.began is None and self._latest_start < attempt.submitted and not batch.strikes
+        self.refused(key)
+        return batch.unbegun < 2
+
+    def erred(self, key: str) -> bool:
+        """A batch failed as a whole: it goes out again. False the second time."""
+        batch = self._out.get(key)
+        if batch is None:
+            return True
+        batch.errors += 1
+        self.refused(key)
+        return batch.errors < 2
 
     def refused(self, key: str) -> None:
         """A worker would not take it, or what it brought was lost: it goes out again."""
@@ -257,6 +303,7 @@ class Dispatch:
         """All that is out must go out again, and nobody is to blame."""
         batches = dict.fromkeys(self._out.values())
         self._out.clear()
+        self.cancelled.clear()
         for batch in reversed(list(batches)):
             batch.out.clear()
             self._again(batch)
@@ -266,6 +313,7 @@ class Dispatch:
         done = []
         for batch in list(dict.fromkeys(self._out.values())):
             began = [attempt.began for attempt in batch.out.values() if attempt.began is not None]
+            batch.limit = min(batch.limit, self._limit(batch))
             if not began or now - min(began) <= batch.limit:
                 continue
             batch.strikes += 1
@@ -287,7 +335,7 @@ class Dispatch:
         self._forget(batch)
         middle = len(batch.indices) // 2
         for half in (batch.indices[middle:], batch.indices[:middle]):
-            self._again(Batch(batch.job, half, strikes=1))
+            self._again(Batch(batch.job, half, strikes=1, doubted=True))
 
     def _again(self, batch: Batch) -> None:
         self.retries += 1

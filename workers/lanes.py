@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from workers.executor import Executor
@@ -48,16 +48,23 @@ def run_lanes(
         while under_way:
             if stop():
                 return False
-            for result in executor.wait(LOOK_SECONDS):
-                lane, found = under_way[result.job]
-                found[result.index] = result.result
+            results = executor.wait(LOOK_SECONDS)
+            for result in results:
+                under_way[result.job][1][result.index] = result.result
                 done(result)
-                if len(found) == len(result.job.items):
-                    del under_way[result.job]
+            for job in dict.fromkeys(result.job for result in results):
+                lane, found = under_way[job]
+                if len(found) == len(job.items):
+                    del under_way[job]
                     resume(lane, [found[i] for i in range(len(found))])
         return True
     finally:
-        executor.abandon()
-        for lane, found in under_way.values():
-            with suppress(Stopped, StopIteration):
-                lane.throw(Stopped(found))
+        with ExitStack() as stack:
+            for lane, found in under_way.values():
+                stack.callback(_end, lane, found)
+            executor.abandon()
+
+
+def _end(lane: Lane, found: dict[int, Any]) -> None:
+    with suppress(Stopped, StopIteration):
+        lane.throw(Stopped(found))

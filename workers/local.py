@@ -35,8 +35,10 @@ class LocalExecutor:
         """See `Executor.wait`: the next item, however long it takes."""
         if not self._waiting:
             return []
-        job, index = self._waiting.popleft()
-        return [Done(job, index, self._result(job, index))]
+        job, index = self._waiting[0]
+        result = self._result(job, index)
+        self._waiting.popleft()
+        return [Done(job, index, result)]
 
     def _result(self, job: Job, index: int) -> Any:
         for _ in range(RAISES):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import ExitStack
 from typing import Any
 
@@ -27,6 +28,10 @@ class QuietWorker(Worker):
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         silence_logs()
+        # Nor may what ends the process leave a stack there, nor anything that is written in compiled code.
+        with open(os.devnull, "w") as nowhere:
+            for stream in (1, 2):
+                os.dup2(nowhere.fileno(), stream)
         super().__init__(*arguments, **options)
 
 

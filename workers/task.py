@@ -13,20 +13,27 @@ from typing import Any
 
 from distributed import Worker, get_worker
 
-from fitters.errors import FittersError
 from workers.attempt import attempt
 from workers.context import Recipe, context_of
 
 PACKAGE = "gpsearch"
-WATCHDOG_GRACE = 5.0
+WATCHDOG_GRACE = 2.0
 """Seconds past a task's limit after which its process is ended: by then the launcher has given the task up."""
 
-FLUSH_SECONDS = 0.02
-"""How long a suspect task waits, so that the word of its start is out before it can take the process with it."""
+FLUSH_SECONDS, SUSPECT_FLUSH_SECONDS = 0.002, 0.05
+"""How long a task waits, so that the word of its start is out before it can crash its process or hold its lock."""
 
 
 class ForeignWorkerError(RuntimeError):
-    """A task came to a worker with another version of the package."""
+    """A task came to the worker at an address with another version of the package: its two arguments."""
+
+    @property
+    def address(self) -> str:
+        return str(self.args[0])
+
+    @property
+    def version(self) -> str:
+        return str(self.args[1])
 
 
 @dataclass(frozen=True)
@@ -59,17 +66,17 @@ class Report:
 
 
 def run_task(task: Task) -> Report:
-    """Runs the items of a task. Bad input raises `FittersError`, with the worker as a note."""
+    """Runs the items of a task. Raises what its recipe does, or `FittersError`, with the worker as a note."""
     worker = get_worker()
     if (version := importlib.metadata.version(PACKAGE)) != task.version:
-        raise ForeignWorkerError(f"{worker.address} has {PACKAGE} {version}")
+        raise ForeignWorkerError(worker.address, version)
     try:
         context = context_of(task.recipe)
         _announce(worker, task)
         began = time.perf_counter()
         with _ended_after(task.limit + WATCHDOG_GRACE):
             results = [attempt(task.function, context, item) for item in task.items]
-    except FittersError as error:
+    except Exception as error:
         error.add_note(f"worker {worker.address}")
         raise
     return Report(results, worker.address, time.perf_counter() - began)
@@ -77,8 +84,7 @@ def run_task(task: Task) -> Report:
 
 def _announce(worker: Worker, task: Task) -> None:
     worker.log_event(task.topic, {"began": task.key, "worker": worker.address})
-    if task.suspect:
-        time.sleep(FLUSH_SECONDS)
+    time.sleep(SUSPECT_FLUSH_SECONDS if task.suspect else FLUSH_SECONDS)
 
 
 _deadlines: dict[int, float] = {}

@@ -156,7 +156,9 @@ class Store:
         if not path.is_file():
             raise GpsearchError(f"{folder}: no run here ({FILE} is missing); `gpsearch launch` makes one")
         try:
-            connection = _connect(path) if os.access(folder, os.W_OK, effective_ids=True) else _connect_read_only(path)
+            connection = (
+                _connect(path) if os.access(folder, os.W_OK, effective_ids=True) else _connect_read_only(path)
+            )
             found = connection.execute("SELECT value FROM meta WHERE key = 'schema'").fetchone()
         except sqlite3.Error as error:
             raise GpsearchError(

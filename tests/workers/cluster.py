@@ -11,6 +11,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
@@ -18,36 +19,109 @@ from workers import Tls
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_SECONDS = 60.0
+LOCAL = ["--no-dashboard", "--host", "127.0.0.1"]
+
+
+@dataclass
+class Command:
+    """An installed command that runs; `log` holds the lines that it has written so far."""
+
+    process: subprocess.Popen[str]
+    log: list[str] = field(default_factory=list)
+    _lines: SimpleQueue[str | None] = field(default_factory=SimpleQueue)
+
+    def wait_for(self, pattern: str) -> str:
+        """The first group of the next line that matches."""
+        while True:
+            try:
+                line = self._lines.get(timeout=PATIENCE_SECONDS)
+            except Empty:
+                line = None
+            if line is None:
+                raise AssertionError(f"no line matches {pattern!r} in:\n{''.join(self.log)}")
+            self.log.append(line)
+            if match := re.search(pattern, line):
+                return match[1]
+
+    def kill(self) -> None:
+        """SIGKILL for the command and all its processes."""
+        os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+    def read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self._lines.put(line)
+        self._lines.put(None)
+
+
+@dataclass
+class Cluster:
+    """A scheduler's address, and ways to change what is there."""
+
+    stack: ExitStack
+    scratch: str
+    options: list[str]
+    scheduler: Command = field(init=False)
+    address: str = field(init=False)
+
+    def start_scheduler(self, port: str = "0") -> None:
+        options = ["--port", port, "--dashboard-address", "127.0.0.1:0", *LOCAL, *self.options]
+        self.scheduler = self.command("dask-scheduler", *options)
+        self.address = self.scheduler.wait_for(r"Scheduler at:\s+(\w+://\S+)")
+
+    def restart_scheduler(self) -> None:
+        """Kills the scheduler and starts another one on its port, as a supervisor would."""
+        self.scheduler.kill()
+        self.start_scheduler(port=self.address.rsplit(":", 1)[1])
+
+    def start_workers(self, count: int = 1, *options: str, python_path: Path | None = None) -> Command:
+        """Processes with a nanny each, which have joined."""
+        arguments = ["--nworkers", str(count), "--local-directory", self.scratch, *LOCAL, *self.options, *options]
+        nannies = self.command("dask-worker", self.address, *arguments, python_path=python_path)
+        for _ in range(count):
+            nannies.wait_for(r"Registered to:\s+(\w+://\S+)")
+        return nannies
+
+    def command(self, name: str, *arguments: str, python_path: Path | None = None) -> Command:
+        path = os.pathsep.join(str(folder) for folder in (python_path, ROOT) if folder)
+        return self.stack.enter_context(_command(name, *arguments, path=path))
 
 
 @contextmanager
 def real_cluster(workers: int = 2, python_path: Path | None = None, tls: Tls | None = None) -> Iterator[str]:
     """The address of a fresh scheduler on this machine that `workers` single-threaded processes have joined.
 
-    `python_path` is a folder whose modules its processes find before all others. With `tls` they speak nothing
+    `python_path` is a folder whose modules its workers find before all others. With `tls` they speak nothing
     else, all by the one certificate.
     """
-    path = os.pathsep.join(str(folder) for folder in (python_path, ROOT) if folder)
-    ports = ["--port", "0", "--dashboard-address", "127.0.0.1:0"]
-    local = ["--no-dashboard", "--host", "127.0.0.1"]
-    if tls:
-        local += ["--protocol", "tls", "--tls-ca-file", str(tls.ca)]
-        local += ["--tls-cert", str(tls.cert), "--tls-key", str(tls.key)]
-    with ExitStack() as stack:
-        scratch = stack.enter_context(tempfile.TemporaryDirectory())
-        scheduler = stack.enter_context(_command("dask-scheduler", *ports, *local, path=path))
-        address = _wait_for(scheduler, r"Scheduler at:\s+(\w+://\S+)")
-        if workers:
-            options = ["--nworkers", str(workers), "--local-directory", scratch, *local]
-            nannies = stack.enter_context(_command("dask-worker", address, *options, path=path))
-            for _ in range(workers):
-                _wait_for(nannies, r"Registered to:\s+(\w+://\S+)")
-        yield address
+    with changing_cluster(workers, python_path, tls) as cluster:
+        yield cluster.address
 
 
 @contextmanager
-def _command(name: str, *arguments: str, path: str) -> Iterator[SimpleQueue[str | None]]:
-    """The lines that an installed command writes while it runs, None at their end."""
+def changing_cluster(
+    workers: int = 2, python_path: Path | None = None, tls: Tls | None = None
+) -> Iterator[Cluster]:
+    """A `real_cluster` to which things are done."""
+    with ExitStack() as stack:
+        scratch = stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True))
+        cluster = Cluster(stack, scratch, _tls_options(tls))
+        cluster.start_scheduler()
+        if workers:
+            cluster.start_workers(workers, python_path=python_path)
+        yield cluster
+
+
+def _tls_options(tls: Tls | None) -> list[str]:
+    if tls is None:
+        return []
+    files = ["--tls-ca-file", str(tls.ca), "--tls-cert", str(tls.cert), "--tls-key", str(tls.key)]
+    return ["--protocol", "tls", *files]
+
+
+@contextmanager
+def _command(name: str, *arguments: str, path: str) -> Iterator[Command]:
     process = subprocess.Popen(
         [Path(sys.executable).with_name(name), *arguments],
         cwd=ROOT,
@@ -57,36 +131,10 @@ def _command(name: str, *arguments: str, path: str) -> Iterator[SimpleQueue[str 
         text=True,
         start_new_session=True,
     )
-    lines: SimpleQueue[str | None] = SimpleQueue()
-    reader = threading.Thread(target=_read, args=(process, lines), daemon=True)
-    reader.start()
+    command = Command(process)
+    threading.Thread(target=command.read, daemon=True).start()
     try:
-        yield lines
+        yield command
     finally:
-        process.terminate()
-        try:
-            process.wait(3)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-
-
-def _read(process: subprocess.Popen[str], lines: SimpleQueue[str | None]) -> None:
-    assert process.stdout is not None
-    for line in process.stdout:
-        lines.put(line)
-    lines.put(None)
-
-
-def _wait_for(lines: SimpleQueue[str | None], pattern: str) -> str:
-    seen = []
-    while True:
-        try:
-            line = lines.get(timeout=PATIENCE_SECONDS)
-        except Empty:
-            line = None
-        if line is None:
-            raise AssertionError(f"no line matches {pattern!r} in:\n{''.join(seen)}")
-        seen.append(line)
-        if match := re.search(pattern, line):
-            return match[1]
+        if process.poll() is None:
+            command.kill()

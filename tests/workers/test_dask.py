@@ -7,13 +7,16 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from uuid import uuid4
 
 import dask.config
 import pytest
+from dask.utils import key_split
 
 from tests.workers import work
-from tests.workers.cluster import ROOT, real_cluster
-from workers import DaskSettings, WorkersError, open_executor
+from tests.workers.cluster import ROOT, changing_cluster, real_cluster
+from tests.workers.work import results
+from workers import DaskSettings, Job, WorkersError, open_executor
 from workers.dask_executor import key_prefix
 
 
@@ -60,9 +63,7 @@ def test_zero_processes() -> None:
 
 
 def test_another_version_is_refused(tmp_path: Path) -> None:
-    metadata = tmp_path / "gpsearch-0.0.7.dist-info" / "METADATA"
-    metadata.parent.mkdir()
-    metadata.write_text("Metadata-Version: 2.1\nName: gpsearch\nVersion: 0.0.7\n")
+    work.fake_version(tmp_path, "0.0.7")
     with real_cluster(workers=1, python_path=tmp_path) as address:
         message = open_and_fail(DaskSettings(address, wait_seconds=20))
     ours = importlib.metadata.version("gpsearch")
@@ -70,78 +71,73 @@ def test_another_version_is_refused(tmp_path: Path) -> None:
     assert message.endswith(f"has gpsearch 0.0.7, this process {ours}: install the same version on both")
 
 
-def test_a_killed_worker_loses_nothing_and_a_deadly_task_is_named(tmp_path: Path) -> None:
-    with open_executor(DaskSettings(workers=2)) as executor:
-        marker = str(tmp_path / "died")
-        results = list(executor.run(work.die_once, work.RECIPE, [marker] * 4, label="fit"))
-        assert sorted(results) == [(n, "survived") for n in range(4)]
-        assert Path(marker).exists()
-        with pytest.raises(WorkersError, match=r"deadly: task 0 was given up after \d+ worker processes died"):
-            list(executor.run(work.die, work.RECIPE, [None], label="deadly"))
+def test_one_foreign_worker_among_others_gets_no_work(tmp_path: Path) -> None:
+    work.fake_version(tmp_path, "0.0.7")
+    with changing_cluster(workers=1) as cluster:
+        cluster.start_workers(1, python_path=tmp_path)
+        with open_executor(DaskSettings(cluster.address, wait_seconds=20)) as executor:
+            [incident] = executor.incidents()
+            assert incident.kind == "refused"
+            assert "has gpsearch 0.0.7" in incident.detail
+            assert executor.processes == 1
+            assert results(executor, Job(work.square, work.RECIPE, range(9), "fit")) == {
+                n: n * n for n in range(9)
+            }
+
+
+def test_worker_processes_compute_with_one_thread() -> None:
+    names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"]
+    with open_executor(DaskSettings(workers=1)) as executor:
+        job = Job(work.environment, work.RECIPE, names, "env")
+        assert set(results(executor, job).values()) == {"1"}
+
+
+def test_an_interrupt_does_not_reach_worker_processes() -> None:
+    with open_executor(DaskSettings(workers=1)) as executor:
+        before = results(executor, Job(work.process_and_builds, work.RECIPE, [0], "before"))
+        results(executor, Job(work.interrupt_own_process, work.RECIPE, [None], "interrupt"))
+        after = results(executor, Job(work.process_and_builds, work.RECIPE, [0], "after"))
+    assert after == before
+
+
+def test_what_is_abandoned_does_not_start(tmp_path: Path) -> None:
+    with open_executor(DaskSettings(workers=1)) as executor:
+        items = [(str(tmp_path / str(n)), 0.2) for n in range(20)]
+        executor.submit(Job(work.mark_and_wait, work.RECIPE, items, "slow"))
+        executor.wait(20.0)
+        executor.abandon()
+        # The one process takes this up only after what the cancellation left of the work before.
+        assert results(executor, Job(work.square, work.RECIPE, [2], "next")) == {0: 4}
+        assert len(list(tmp_path.iterdir())) < len(items)
 
 
 def test_processes_that_stay_away_fail_the_run() -> None:
     with open_executor(DaskSettings(workers=1, wait_seconds=1)) as executor:
-        results = executor.run(work.leave_for_good, work.RECIPE, [None], label="lonely")
-        with pytest.raises(WorkersError, match="lonely: task 0 found no worker any more"):
-            next(results)
+        expected = r"^no worker processes on this machine for 1 s, with 1 pieces of work outstanding"
+        with pytest.raises(WorkersError, match=expected):
+            results(executor, Job(work.leave_for_good, work.RECIPE, [None], "lonely"))
 
 
 def test_a_process_is_restarted_long_after_its_first_death(tmp_path: Path) -> None:
     hasty = dask.config.set({"distributed.deploy.lost-worker-timeout": "0.1 s"})
     with hasty, open_executor(DaskSettings(workers=1)) as executor:
         for death in range(2):
-            payloads = [str(tmp_path / str(death))]
-            assert list(executor.run(work.die_once, work.RECIPE, payloads, label="fit")) == [(0, "survived")]
-
-
-def test_stopping_early_cancels_what_has_not_started(tmp_path: Path) -> None:
-    with open_executor(DaskSettings(workers=1)) as executor:
-        payloads = [(str(tmp_path / str(n)), 0.2) for n in range(20)]
-        results = executor.run(work.mark_and_wait, work.RECIPE, payloads, label="slow")
-        next(results)
-        results.close()  # type: ignore[attr-defined]
-        # The one process takes this up only after what the cancellation left of the work before.
-        assert list(executor.run(work.combine, work.RECIPE, [2], label="next"))
-        assert len(list(tmp_path.iterdir())) < len(payloads)
-
-
-def test_a_lost_scheduler_ends_the_run() -> None:
-    cluster = real_cluster(workers=1)
-    address = cluster.__enter__()
-    with open_executor(DaskSettings(address, wait_seconds=2)) as executor:
-        results = executor.run(work.mark_and_wait, work.RECIPE, [(os.devnull, 0), (os.devnull, 60)], label="fit")
-        next(results)
-        cluster.__exit__(None, None, None)
-        with pytest.raises(WorkersError, match=r"fit: lost the connection to tcp://.* with 1 tasks outstanding"):
-            next(results)
-
-
-def test_worker_processes_compute_with_one_thread() -> None:
-    names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"]
-    with open_executor(DaskSettings(workers=1)) as executor:
-        assert {value for _, value in executor.run(work.environment, work.RECIPE, names, label="env")} == {"1"}
-
-
-def test_an_interrupt_does_not_reach_worker_processes() -> None:
-    with open_executor(DaskSettings(workers=1)) as executor:
-        [(_, before)] = executor.run(work.process_and_builds, work.RECIPE, [0], label="before")
-        list(executor.run(work.interrupt_own_process, work.RECIPE, [None], label="interrupt"))
-        [(_, after)] = executor.run(work.process_and_builds, work.RECIPE, [0], label="after")
-    assert after == before
+            job = Job(work.die_once, work.RECIPE, [str(tmp_path / str(death))], "fit")
+            assert results(executor, job) == {0: "survived"}
 
 
 INTERRUPTED = """
 from tests.workers import work
-from workers import DaskSettings, open_executor
+from workers import DaskSettings, Job, open_executor
 if __name__ == "__main__":
     try:
         with open_executor(DaskSettings(workers=2)) as executor:
-            payloads = [("/dev/null", seconds) for seconds in (0, 60, 60)]
-            results = executor.run(work.mark_and_wait, work.RECIPE, payloads, label="slow")
-            next(results)
+            items = [("/dev/null", seconds) for seconds in (0, 60, 60)]
+            executor.submit(Job(work.mark_and_wait, work.RECIPE, items, "slow"))
+            while not executor.wait(10.0):
+                pass
             print("running", flush=True)
-            next(results)
+            executor.wait(60.0)
     except KeyboardInterrupt:
         print("stopped", flush=True)
 """
@@ -165,9 +161,42 @@ def test_interrupt_leaves_nothing_on_the_terminal(tmp_path: Path) -> None:
     assert launcher.returncode == 0
 
 
+QUIET = """
+from tests.workers import work
+from workers import DaskSettings, Job, open_executor
+if __name__ == "__main__":
+    with open_executor(DaskSettings(workers=2, hang_seconds=0.5)) as executor:
+        for function in (work.chatter, work.hang, work.crash):
+            executor.submit(Job(function, work.RECIPE, [None], "job", 0.01))
+            while executor.outstanding:
+                executor.wait(10.0)
+"""
+
+
+@pytest.mark.slow
+def test_mishaps_leave_nothing_on_the_terminal(tmp_path: Path) -> None:
+    script = tmp_path / "quiet.py"
+    script.write_text(QUIET)
+    launcher = subprocess.run(
+        [sys.executable, script],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        timeout=120,
+    )
+    assert (launcher.stdout, launcher.returncode) == ("", 0)
+
+
 @pytest.mark.parametrize(
-    ("label", "key"),
-    [("fit island 2", "fit-island-2"), ("fit-island2", "fit-island2"), ("2nd", "task-2nd"), ("", "task-")],
+    ("label", "prefix"),
+    [
+        ("screen island 2 generation 7", "screen-island"),
+        ("fit-island2", "fit"),
+        ("2nd", "task"),
+        ("", "task"),
+        ("\N{GREEK SMALL LETTER ALPHA} fit", "fit"),
+    ],
 )
-def test_task_keys_begin_with_the_label(label: str, key: str) -> None:
-    assert key_prefix(label) == key
+def test_the_dashboard_groups_tasks_by_what_they_do(label: str, prefix: str) -> None:
+    assert key_split((f"{key_prefix(label)}-{uuid4().hex}", 12)) == prefix

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
+import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from distributed import get_worker
 
 from fitters.errors import FittersError
-from workers import Recipe
+from workers import Executor, Job, Recipe
 
 builds = 0
 
@@ -22,6 +25,41 @@ def build(argument: str) -> str:
 
 
 RECIPE = Recipe(build, "tests")
+
+
+def results(executor: Executor, job: Job, wait: float = 5.0) -> dict[int, Any]:
+    """Submits a job, alone, and waits for all its results; by index."""
+    executor.submit(job)
+    found: dict[int, Any] = {}
+    while executor.outstanding:
+        for done in executor.wait(wait):
+            assert done.job is job
+            assert done.index not in found
+            found[done.index] = done.result
+    return found
+
+
+def square(_context: str, payload: int) -> int:
+    return payload**2
+
+
+def square_slowly(_context: str, payload: tuple[int, float]) -> int:
+    number, seconds = payload
+    time.sleep(seconds)
+    return number**2
+
+
+def square_and_process(context: str, payload: tuple[int, float]) -> tuple[int, int]:
+    return square_slowly(context, payload), os.getpid()
+
+
+def slow_at_first(_context: str, payload: tuple[str, int]) -> int:
+    """A number's square; takes a minute for number 3 where no file is at the path yet, which it leaves."""
+    path, number = payload
+    if number == 3 and not Path(path).exists():
+        Path(path).touch()
+        time.sleep(60)
+    return number**2
 
 
 def combine(context: str, payload: int) -> tuple[str, int]:
@@ -37,6 +75,10 @@ def fail_at_three(_context: str, payload: int) -> int:
     if payload == 3:
         raise KeyError("no such thing")
     return payload
+
+
+def build_badly(argument: str) -> None:
+    raise MemoryError(f"no room for {argument}")
 
 
 def reject(_context: str, payload: str) -> None:
@@ -68,6 +110,50 @@ def interrupt_own_process(_context: str, _payload: None) -> None:
     time.sleep(0.3)
 
 
+def crash(_context: str, payload: int | None) -> int:
+    """Takes the process with it, by a bad pointer, where the payload is None."""
+    if payload is None:
+        ctypes.string_at(0)
+    assert payload is not None
+    return payload
+
+
+def hang(_context: str, payload: int | None) -> int:
+    """Never ends where the payload is None."""
+    while payload is None:
+        pass
+    return payload
+
+
+def hang_with_the_lock(_context: str, payload: int | None) -> int:
+    """Where the payload is None: compiled code that neither ends nor gives the interpreter lock away."""
+    if payload is None:
+        ctypes.PyDLL(None).sleep(3600)
+    assert payload is not None
+    return payload
+
+
+def eat_memory(_context: str, payload: int | None) -> int:
+    """Takes all the memory there is, a megabyte at a time, where the payload is None."""
+    eaten = []
+    while payload is None:
+        eaten.append(b"x" * 2**20)
+        time.sleep(0.001)
+    return payload
+
+
+def process_after(_context: str, seconds: float) -> tuple[int, str]:
+    """The worker's process and its address, after so many seconds."""
+    time.sleep(seconds)
+    return os.getpid(), get_worker().address
+
+
+def chatter(_context: str, _payload: int | None) -> None:
+    print("out")
+    print("err", file=sys.stderr)
+    os.write(2, b"compiled code")
+
+
 def leave_for_good(_context: str, _payload: None) -> None:
     """Has its worker retired: it goes, and nothing restarts it."""
     worker = get_worker()
@@ -77,3 +163,10 @@ def leave_for_good(_context: str, _payload: None) -> None:
 
 def environment(_context: str, payload: str) -> str | None:
     return os.environ.get(payload)
+
+
+def fake_version(folder: Path, version: str) -> None:
+    """Has processes that find modules in the folder first believe that they have this version of our package."""
+    metadata = folder / f"gpsearch-{version}.dist-info" / "METADATA"
+    metadata.parent.mkdir()
+    metadata.write_text(f"Metadata-Version: 2.1\nName: gpsearch\nVersion: {version}\n")
