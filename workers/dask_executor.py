@@ -179,6 +179,8 @@ class DaskExecutor:
             case Erred(key, error):
                 self._erred(key, error)
             case WorkerLeft(worker, keys, died):
+                if died:
+                    self._incidents.append(Incident("lost", worker))
                 return dispatch.worker_left(worker, keys, died=died)
             case Workers(threads):
                 self._note_workers(threads)

@@ -57,7 +57,7 @@ class ProgressWatcher:
 
     def incident(self, incident: Incident) -> None:
         """What a person should know while it happens; all of it is in the event log."""
-        if incident.kind != "retry":
+        if incident.kind in ("workers", "scheduler", "refused"):
             self.console.print(f"{incident.kind}: {incident.detail}")
 
     def _line(self, standing: Standing) -> str:

@@ -20,7 +20,7 @@ from tests.unprivileged import public_folder, unprivileged
 from tests.workers import work
 from tests.workers.certificates import write_tls
 from tests.workers.cluster import ROOT, real_cluster
-from workers import DaskSettings, Tls, WorkersError, open_executor
+from workers import DaskSettings, Job, Tls, WorkersError, open_executor
 
 NOWHERE = "tls://127.0.0.1:1"
 SECRET = "no-one-else-shall-read-this"
@@ -53,8 +53,8 @@ def test_tasks_run_over_tls(cluster: str, tls: Tls) -> None:
     assert cluster.startswith("tls://")
     with open_executor(DaskSettings(cluster, wait_seconds=20, tls=tls)) as executor:
         assert executor.description == f"{cluster} with 1 worker"
-        results = list(executor.run(work.combine, work.RECIPE, range(5), label="fit"))
-    assert sorted(results) == [(n, ("context of tests", n**2)) for n in range(5)]
+        found = work.results(executor, Job(work.combine, work.RECIPE, range(5), "fit"))
+    assert found == {n: ("context of tests", n**2) for n in range(5)}
 
 
 def test_nothing_is_in_clear_on_the_wire(cluster: str, tls: Tls) -> None:
@@ -63,7 +63,8 @@ def test_nothing_is_in_clear_on_the_wire(cluster: str, tls: Tls) -> None:
     def overheard(address: str, tls: Tls | None) -> bytes:
         with eavesdropper(address) as (detour, heard):
             with open_executor(DaskSettings(detour, wait_seconds=20, tls=tls)) as executor:
-                assert list(executor.run(work.environment, work.RECIPE, [SECRET], label="fit")) == [(0, None)]
+                job = Job(work.environment, work.RECIPE, [SECRET], "fit")
+                assert work.results(executor, job) == {0: None}
             return bytes(heard)
 
     assert SECRET.encode() not in overheard(cluster, tls)

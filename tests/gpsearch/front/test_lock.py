@@ -33,9 +33,9 @@ input()
 """
 WITH_A_WORKER = """
 from tests.workers import work
-from workers import DaskSettings, open_executor
+from workers import DaskSettings, Job, open_executor
 with open_executor(DaskSettings(workers=1)) as executor:
-    [(_, (worker, _))] = executor.run(work.process_and_builds, work.RECIPE, [0], label="who")
+    worker, _ = work.results(executor, Job(work.process_and_builds, work.RECIPE, [0], "who"))[0]
     print(worker, flush=True)
     input()
 """
