@@ -6,11 +6,13 @@ import os
 import re
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import LocalCluster
 
 from tests.workers import work
 from tests.workers.cluster import Cluster, changing_cluster
@@ -232,3 +234,18 @@ def test_a_scheduler_away_for_too_long_ends_the_run(cluster: Cluster) -> None:
         )
         with pytest.raises(WorkersError, match=expected):
             the_rest(executor, found)
+
+
+def test_an_adaptive_cluster_grows_and_shrinks_under_the_work() -> None:
+    """Dask's own rules start workers while there is work and retire them when there is none."""
+    with LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
+        cluster.adapt(minimum=1, maximum=3, interval="100 ms", wait_count=2, target_duration="500 ms")
+        with open_executor(DaskSettings(cluster.scheduler_address, wait_seconds=30)) as executor:
+            for n in range(2):
+                job = Job(work.square_slowly, work.RECIPE, [(i, 0.05) for i in range(60)], f"wave {n}", 0.05)
+                assert work.results(executor, job) == {i: i**2 for i in range(60)}
+                while len(cluster.scheduler_info["workers"]) > 1:
+                    time.sleep(0.05)
+            told = [incident.detail for incident in executor.incidents() if incident.kind == "workers"]
+        assert any("joined" in detail for detail in told)
+        assert any("left" in detail for detail in told)

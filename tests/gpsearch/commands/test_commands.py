@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from gpsearch.exports import schema
-from gpsearch.front import Store
+from gpsearch.front import Generation, Quarantined, Store
 from tests.gpsearch.small import GPSEARCH, Watching, gpsearch, run_search, small, small_text, without_times
 
 COOK = "p0 / pi + p1 * pow(wh.z, p2)"
@@ -69,18 +69,53 @@ def test_an_export_that_cannot_be_written_is_exit_status_2(folder):
 def test_status_says_where_a_run_stands(folder):
     result = gpsearch("status", "run", cwd=folder)
     assert result.returncode == 0
-    assert result.stdout.startswith("small: generation 2 of 2, 32 candidates, ")
-    assert " fitted, " in result.stdout
-    assert " known from before, " in result.stdout
+    lines = result.stdout.splitlines()
+    assert lines[0] == "small: not running"
+    assert lines[1].startswith("generation 2 of 2, 32 candidates, ")
+    assert lines[1].endswith(" a second, 0 s left")
+    assert lines[2] == "generations of islands: 0: 2  1: 2"
+    assert lines[3].startswith("fits: ")
+    assert lines[4].startswith("front: ")
+    assert lines[5] == "0 retries, 0 workers lost, 0 quarantined"
     found = object_on_stdout(gpsearch("status", "run", "--json", cwd=folder))
-    assert (found["name"], found["generations"], found["of_generations"], found["candidates"]) == (
-        "small",
-        2,
-        2,
-        32,
-    )
+    assert (found["name"], found["running"]) == ("small", None)
+    assert (found["generations"], found["of_generations"], found["candidates"]) == (2, 2, 32)
+    assert found["islands"] == [{"island": 0, "generation": 2}, {"island": 1, "generation": 2}]
+    assert found["candidates_per_second"] == pytest.approx(32 / found["seconds"], rel=0.1)
+    assert found["seconds_left"] == 0
     member = Store.open(folder / "run").front().members[-1]
     assert found["best"] == {"nodes": member.nodes, "error": member.error}
+
+
+def test_status_tells_what_went_wrong_on_the_cluster(folder):
+    store = Store.create(folder / "hard", small(folder, budget={"candidates": 64}).text())
+    with store.transaction():
+        store.save_generation(Generation(0, 1, 16, 16, 0, 1, 0.5, 2.0, {}))
+        store.save_seconds(10.0)
+        store.save_quarantined([Quarantined("p0 / wh.z", "screen", "did not end within 60 s, 2 times", 1, 3)])
+        store.log("workers", "2 joined, 2 there")
+        store.log("lost", "tcp://10.0.0.7:4321")
+        for count in ("3", "4"):
+            store.log("retry", count)
+    store.close()
+    shown = gpsearch("status", "hard", cwd=folder).stdout
+    assert "30 s left" in shown
+    assert "workers: 2 joined, 2 there" in shown
+    assert "7 retries, 1 workers lost, 1 quarantined" in shown
+    assert "  screen: p0 / wh.z: did not end within 60 s, 2 times" in shown
+    assert "lost: tcp://10.0.0.7:4321" in shown
+    found = object_on_stdout(gpsearch("status", "hard", "--json", cwd=folder))
+    assert (found["retries"], found["lost_workers"], found["seconds_left"]) == (7, 1, 30.0)
+    assert found["quarantined"] == [
+        {
+            "expression": "p0 / wh.z",
+            "stage": "screen",
+            "reason": "did not end within 60 s, 2 times",
+            "island": 1,
+            "generation": 3,
+        }
+    ]
+    assert [event["kind"] for event in found["events"]] == ["workers", "lost"]
 
 
 def test_status_of_a_run_that_has_done_nothing_yet(folder):

@@ -296,6 +296,30 @@ def test_another_schema_version_is_refused(store, version):
         again(store)
 
 
+VERSION_3 = {
+    "meta": "key value",
+    "islands": "number generation population",
+    "fits": "canonical island generation error standard_error bar parameters",
+    "seen": "canonical island generation nodes",
+    "confirmed": "expression island generation member",
+    "descriptions": "expression description",
+    "quarantine": "expression stage reason island generation",
+    "baselines": "name baseline",
+    "generations": "island generation candidates fitted given_up confirmed best seconds stages",
+    "events": "time kind detail",
+}
+
+
+def test_the_tables_of_schema_version_3_stay_as_they_are(store):
+    """Runs of this version lie on disks: other columns need another version."""
+    names = store._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
+    columns = {
+        name: " ".join(row[1] for row in store._connection.execute(f"PRAGMA table_info({name})"))
+        for (name,) in names
+    }
+    assert (store.meta("schema"), columns) == ("3", VERSION_3)
+
+
 def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
     """Killed while it makes its tables, a run has no store, and the next launch makes one."""
 

@@ -76,7 +76,9 @@ def is_power(expression: str) -> bool:
     """Whether SymPy can show that an expression is (N.H)^p0.
 
     The first that fits may be one with a term that never matters, which SymPy cannot know; smaller ones follow it.
+    It is told that neither a cosine nor its power exceeds 1, so that a minimum with 1 says nothing.
     """
     cosine, n = sympy.Symbol("N.H", positive=True), sympy.Symbol("p0", real=True)
     form = to_sympy(parse(expression)).subs(sympy.Symbol("wh.z", real=True), cosine)
+    form = form.subs({sympy.Min(1, cosine): cosine, sympy.Min(1, cosine**n): cosine**n})
     return bool(sympy.simplify(form - cosine**n) == 0)

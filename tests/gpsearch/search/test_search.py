@@ -303,6 +303,24 @@ def test_the_minutes_are_those_of_the_search(tmp_path, monkeypatch):
     assert 0 < store.seconds < 60
 
 
+def test_no_task_is_begun_after_the_minutes_are_over(tmp_path, monkeypatch):
+    """What was fitted until then is kept for a larger budget."""
+    seconds, counting = 0.0, Counting()
+
+    def tenth_step(event: str) -> None:
+        nonlocal seconds
+        if event == "step" and watcher.steps == 2 + 10:
+            seconds = 61.0
+
+    watcher = Watching(tenth_step)
+    monkeypatch.setattr("gpsearch.search.search.time", SimpleNamespace(monotonic=lambda: seconds))
+    configuration = small(tmp_path, budget={"generations": 9, "minutes": 1})
+    store = run_search(tmp_path / "run", configuration, watcher, counting)
+    screened = sum(count for label, count in counting.fitted.items() if label.startswith("screen"))
+    assert screened == 10 == sum(1 for _ in store.fits())
+    assert set(store.island_generations().values()) == {0}
+
+
 def test_two_processes_do_not_mix_their_generations(tmp_path):
     """The slower of two searches on one store gives up where the other has gone on."""
     configuration = small(tmp_path, budget={"generations": 3})
