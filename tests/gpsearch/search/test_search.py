@@ -371,5 +371,6 @@ def test_what_computes_the_same_is_fitted_once(tmp_path):
     fits = [(key, fit) for key, fit in store.fits()]
     for text, _ in fits:
         assert canonical(parse(text)).text == text
-    # Two islands may find the same between two migrations.
-    assert store.totals()[2] == len({(key, fit.island) for key, fit in fits})
+    # Two islands may find the same between two migrations; the start itself is fitted, but was not bred.
+    start = canonical(CATALOGUE["phong"].expression).text
+    assert store.totals()[2] == len({(key, fit.island) for key, fit in fits} - {(start, 0)})
