@@ -9,7 +9,7 @@ from fitters.factors import solving
 from fitters.fits import build_problem
 from fitters.materials import load_material
 from fitters.scenes import Scene
-from tests.benchmarks import baselines, evaluation, fitting, growth, quality, search, solvers, stopping
+from tests.benchmarks import baselines, evaluation, fitting, growth, quality, scaling, search, solvers, stopping
 from tests.benchmarks.engine import SEARCHES, SECTIONS
 from tests.benchmarks.problem import recipe
 
@@ -21,6 +21,16 @@ SMALL = {
     "stopping": stopping.Extent(generations=3, islands=1, size=8),
     "search": search.Extent(generations=3, islands=2, size=8, processes=1),
 }
+
+
+SCALING = scaling.Extent(
+    real=scaling.Size(2, 8, 2),
+    real_workers=(1,),
+    rounds=1,
+    recorded=scaling.Size(1, 8, 2),
+    simulated=((scaling.Size(2, 8, 3), (2, 4)),),
+    bred=scaling.Size(1, 8, 3),
+)
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +50,15 @@ def test_a_section_prints_tables_of_finite_positive_numbers(section, problem, sm
         tables = list(SECTIONS[section](problem, SMALL[section]))
     else:
         tables = list(SEARCHES[section](small_recipe, SMALL[section]))
+    require_finite_positive_numbers(tables)
+
+
+@pytest.mark.parametrize("section", scaling.SECTIONS)
+def test_how_a_search_scales_is_measured(section, small_recipe):
+    require_finite_positive_numbers(list(scaling.SECTIONS[section](small_recipe, SCALING)))
+
+
+def require_finite_positive_numbers(tables):
     assert tables
     for table in tables:
         lines = table.text().splitlines()

@@ -67,7 +67,7 @@ class DaskExecutor:
         self._refused: set[str] = set()
         self._incidents: list[Incident] = []
         self._without_since: float | None = None
-        self._began = monotonic()
+        self._began = self._looked = monotonic()
         with ExitStack() as resources:
             resources.enter_context(silenced_logs())
             self._session: Session | None = self._connected(wait_seconds)
@@ -106,7 +106,9 @@ class DaskExecutor:
                     done += self._handled(event)
                     if self._session is None:
                         break
-                done += self._dispatch.overdue(monotonic())
+                if monotonic() - self._looked > TICK:
+                    self._looked = monotonic()
+                    done += self._dispatch.overdue(self._looked)
                 self._require_workers()
             self._send()
             if not left:

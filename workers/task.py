@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import faulthandler
 import importlib.metadata
+import pickle
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,8 +37,23 @@ class ForeignWorkerError(RuntimeError):
         return str(self.args[1])
 
 
+class Whole:
+    """A dataclass that travels in one piece.
+
+    Dask sends every array as a frame of its own, which for a batch of small ones costs launcher, scheduler and
+    worker more than all the rest of a task.
+    """
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return _restored, (type(self), pickle.dumps(vars(self), pickle.HIGHEST_PROTOCOL))
+
+
+def _restored(kind: type, packed: bytes) -> Any:
+    return kind(**pickle.loads(packed))
+
+
 @dataclass(frozen=True)
-class Task:
+class Task(Whole):
     """All that travels to a worker.
 
     key, topic: as what, and where, the start is announced
@@ -57,7 +73,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Report:
+class Report(Whole):
     """What a task brings back: a result or `Raised` per item, where, and seconds without loading the context."""
 
     results: list[Any]

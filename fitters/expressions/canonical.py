@@ -8,6 +8,7 @@ both. Formulas that are equal for deeper reasons keep their forms apart, which c
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import copysign, isfinite
 from typing import NamedTuple
 from zlib import crc32
 
@@ -89,7 +90,7 @@ def _folded(symbol: str, children: tuple[_Node, ...]) -> _Node | None:
     with np.errstate(all="ignore"):
         value = float(FUNCTIONS[symbol](*map(np.float64, values)))
     # -0.0 is left alone: its reciprocal has the other sign.
-    return _Node("constant", value=value) if np.isfinite(value) and (value or not np.signbit(value)) else None
+    return _Node("constant", value=value) if isfinite(value) and (value or copysign(1.0, value) > 0) else None
 
 
 def _negated(node: _Node) -> _Node:
@@ -138,7 +139,7 @@ def _multiplied(values: list[float]) -> list[float]:
     The two smallest have the smallest product: where that is infinite, so is any other, in whatever order.
     """
     left = sorted([1.0, *values], key=abs)
-    while len(left) > 1 and np.isfinite(left[0] * left[1]):
+    while len(left) > 1 and isfinite(left[0] * left[1]):
         left = sorted([left[0] * left[1], *left[2:]], key=abs)
     return left
 
@@ -146,7 +147,7 @@ def _multiplied(values: list[float]) -> list[float]:
 def _inverse(factor: _Node) -> _Node:
     if factor.symbol == "inverse":
         return factor.children[0]
-    if factor.value is not None and factor.value != 0.0 and np.isfinite(1.0 / factor.value):
+    if factor.value is not None and factor.value != 0.0 and isfinite(1.0 / factor.value):
         return _Node("constant", value=1.0 / factor.value)
     return _Node("inverse", (factor,))
 

@@ -5,6 +5,7 @@ All functions here are pure: no clock, no global randomness, no input or output.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -70,8 +71,12 @@ class Island:
 
     def quantile(self, share: float) -> float:
         """The error that this share of a population, not empty, does not exceed."""
-        errors = sorted(individual.error for individual in self.population)
-        return errors[int(share * (len(errors) - 1))]
+        return self._errors[int(share * (len(self._errors) - 1))]
+
+    @cached_property
+    def _errors(self) -> tuple[float, ...]:
+        """By rising error; asked for once per candidate."""
+        return tuple(sorted(individual.error for individual in self.population))
 
 
 def advance(island: Island, breeding: Breeding, run_seed: int) -> tuple[Offspring, ...]:

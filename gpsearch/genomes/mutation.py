@@ -1,6 +1,8 @@
 """Random edits: drawn so that they do something to the expression at hand and keep it within its limits."""
 
+from bisect import bisect
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,7 +28,13 @@ class Mutation:
     parameters: int
     frequencies: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
 
-    @property
+    @cached_property
+    def shares(self) -> tuple[float, ...]:
+        """Of the frequencies, added up, the last one 1."""
+        shares = np.cumsum(np.array(self.frequencies) / sum(self.frequencies))
+        return tuple((shares / shares[-1]).tolist())
+
+    @cached_property
     def symbols(self) -> dict[str, tuple[str, ...]]:
         """The symbols that Replace draws from, by sort."""
         scalars = tuple(f"p{i}" for i in range(self.parameters)) + grammar.CONSTANTS + grammar.COMPONENTS
@@ -44,10 +52,9 @@ def random_edit(draft: Draft, mutation: Mutation, rng: np.random.Generator) -> E
     Where fifty draws find none that fits, a constant takes the root's place: it always does.
     """
     label = rng.bytes(6).hex()
-    weights = np.array(mutation.frequencies) / sum(mutation.frequencies)
     makers = (_swap, _insert, _replace, _delete)
     for _ in range(_TRIES):
-        edit = makers[int(rng.choice(4, p=weights))](draft, mutation, rng, label)
+        edit = makers[bisect(mutation.shares, rng.random())](draft, mutation, rng, label)
         if edit is not None:
             return edit
     return Delete(draft.root, label)

@@ -3,13 +3,18 @@
 import math
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from fitters.fits import Candidate, Fit, FitProblem, ProblemRecipe, build_problem, screen
-from gpsearch.front import Store
+from fitters.expressions import parse
+from fitters.expressions.canonical import canonical
+from fitters.fits import Candidate, Fit, FitProblem, ProblemRecipe, build_problem
+from gpsearch.evolution.island import Island
+from gpsearch.front import Generation, Member, Store
+from gpsearch.search.course import Course
 from gpsearch.search.entrants import Entrant
+from gpsearch.search.plan import Plan
 from gpsearch.search.search import Search
 from tests.benchmarks.runs import Silent, plan
 from tests.benchmarks.table import Table
@@ -25,24 +30,41 @@ class Extent:
     size: int = 64
 
 
-class Recorded(Search):
-    """A search without early stopping that notes the bar which each candidate would have had."""
+class RecordedCourse(Course):
+    """An island that gives no fit up, and notes every candidate under the bar that it would have had."""
 
-    def __init__(self, *arguments: object) -> None:
-        super().__init__(*arguments)
-        self.candidates_seen: dict[str, Candidate] = {}
-        self.entered: set[str] = set()
+    recorded: list[Candidate]
+
+    def _bar(self, nodes: int) -> float:
+        return math.inf
 
     def _candidate(self, entrant: Entrant) -> Candidate:
         candidate = super()._candidate(entrant)
-        bar = max(self.better_third, self.front.bar(entrant.nodes)) if self.generation else math.inf
-        self.candidates_seen[candidate.expression] = replace(candidate, bar=bar)
+        self.recorded.append(replace(candidate, bar=super()._bar(entrant.nodes)))
         return candidate
 
-    def _one_generation(self) -> bool:
-        whole = super()._one_generation()
-        self.entered |= {self.memory.form(member.expression).text for member in self.front.members}
-        return whole
+
+class RecordedSearch(Search):
+    """A search without early stopping.
+
+    recorded: what was screened, in canonical form; what several islands had screened occurs as often
+    entered:  canonical forms of what was on the front of any generation of an island
+    """
+
+    def __init__(self, *arguments: object) -> None:
+        self.recorded: list[Candidate] = []
+        self.entered: set[str] = set()
+        super().__init__(*arguments)
+
+    def _course(self, island: Island) -> Course:
+        course = RecordedCourse(self.plan, self.store, island, self.shared, told=self._told, seconds=self.seconds)
+        course.recorded = self.recorded
+        return course
+
+    def _told(self, row: Generation, screened: int, confirmed: list[Member]) -> None:
+        super()._told(row, screened, confirmed)
+        members = {member.expression for member in self.front.members}
+        self.entered |= {canonical(parse(m.expression)).text for m in confirmed if m.expression in members}
 
 
 def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
@@ -52,20 +74,21 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         islands=extent.islands,
         size=extent.size,
         generations=extent.generations,
-        early_stopping=False,
+        early_stopping=True,
     )
     with tempfile.TemporaryDirectory() as folder:
         store = Store.create(Path(folder) / "run", "")
-        search = Recorded(planned, store, LocalExecutor(), Silent())
+        search = RecordedSearch(planned, store, LocalExecutor(), Silent())
         search.run()
         store.close()
-    problem = build_problem(recipe)
-    judged = [c for c in search.candidates_seen.values() if math.isfinite(c.bar)]
-    carried, plain_seconds = _screened(problem, search, [replace(c, bar=math.inf) for c in judged])
-    stopped, seconds = _screened(problem, search, judged)
+    judged = [candidate for candidate in search.recorded if math.isfinite(candidate.bar)]
+    carried, stopped, ratio = _screened_in_turns(build_problem(recipe), planned, judged)
     given_up = [i for i, fit in enumerate(stopped) if not fit.finished]
     below = [i for i in given_up if carried[i].error < judged[i].bar]
-    lost = [i for i in given_up if judged[i].expression in search.entered]
+    # What one island gives up may be what another carries through.
+    kept = {one.expression for one in search.recorded if math.isinf(one.bar)}
+    kept |= {one.expression for one, fit in zip(judged, stopped, strict=True) if fit.finished}
+    lost = search.entered - kept
     yield Table(
         f"Early stopping on a recorded run, {extent.generations} generations of {extent.islands} x {extent.size}",
         ("candidates with a bar", "given up", "would have passed the bar", "front members", "lost", "time ratio"),
@@ -76,7 +99,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
                 len(below),
                 len(search.entered),
                 len(lost),
-                plain_seconds / seconds,
+                ratio,
             ),
         ),
         (
@@ -86,7 +109,15 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
     )
 
 
-def _screened(problem: FitProblem, search: Search, candidates: list[Candidate]) -> tuple[list[Fit], float]:
-    job = search.plan.screening(*candidates)
-    started = time.perf_counter()
-    return screen(problem, job), time.perf_counter() - started
+def _screened_in_turns(
+    problem: FitProblem, planned: Plan, candidates: Iterable[Candidate]
+) -> tuple[list[Fit], list[Fit], float]:
+    """The fits without a bar, those with it, and the ratio of the times that these took."""
+    fits: tuple[list[Fit], list[Fit]] = ([], [])
+    seconds = [0.0, 0.0]
+    for candidate in candidates:
+        for i, one in enumerate((replace(candidate, bar=math.inf), candidate)):
+            started = time.perf_counter()
+            fits[i].append(planned.screen(problem, one))
+            seconds[i] += time.perf_counter() - started
+    return *fits, seconds[0] / seconds[1] if candidates else 1.0
