@@ -211,10 +211,17 @@ class DaskExecutor:
         if isinstance(error, ForeignWorkerError):
             self._refuse({error.address: fault(error.version, self._version)})
             self._dispatch.refused(key)
-        elif self._session is not None and self._refuse(self._session.foreign_workers()):
+        elif self._refuse(self._foreign_workers()):
             self._dispatch.refused(key)
         elif not self._dispatch.erred(key):
             raise _failure(batch, error)
+
+    def _foreign_workers(self) -> dict[str, str]:
+        """None are known where the cluster cannot be asked; that it is lost is heard of soon enough."""
+        try:
+            return self._session.foreign_workers() if self._session else {}
+        except Exception:
+            return {}
 
     def _refuse(self, faults: dict[str, str]) -> bool:
         """Gives workers with another package no more work; whether any has one."""
@@ -249,7 +256,9 @@ class DaskExecutor:
             self._refuse(require_same_package(client, self._version))
             self._threads = dict(client.nthreads())
             self._without_since = None
-            return Session(client, self._version, self._threads, resources.pop_all())
+            session = Session(client, self._version, self._threads)
+            session.resources = resources.pop_all()
+            return session
 
     def _disconnected(self) -> None:
         """All that was out will go out again, through another connection."""

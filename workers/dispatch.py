@@ -98,7 +98,6 @@ class Dispatch:
 
     cancelled: keys that nobody needs any more, for the owner to cancel and clear
     retries:   how often anything went out again
-    given_up:  items without a result
     """
 
     def __init__(self, hang_seconds: float) -> None:
@@ -111,7 +110,6 @@ class Dispatch:
         self._latest_start = -inf
         self.cancelled: list[str] = []
         self.retries = 0
-        self.given_up = 0
 
     @property
     def outstanding(self) -> int:
@@ -355,5 +353,4 @@ class Dispatch:
         self._seconds[batch.job.kind] = per_item if before is None else 0.8 * before + 0.2 * per_item
 
     def _failed(self, job: Job, index: int, reason: str) -> Done:
-        self.given_up += 1
         return Done(job, index, Failure(reason))

@@ -95,12 +95,14 @@ Event = Began | Finished | Erred | ResultLost | WorkerLeft | Workers | Foreign |
 class Session:
     """What is submitted under a key is reported under it. `resources` are closed with the session."""
 
-    def __init__(self, client: Client, version: str, workers: Iterable[str], resources: ExitStack) -> None:
+    resources: ExitStack
+
+    def __init__(self, client: Client, version: str, workers: Iterable[str]) -> None:
         """Workers must have that `version` of our package; `workers` were asked already."""
         self._version, self._known = version, set(workers)
         self.topic = f"gpsearch-{uuid4().hex}"
         self.client = client
-        self._resources = resources
+        self.resources = ExitStack()
         assert client.loop is not None
         self._loop = client.loop
         self._events: SimpleQueue[Event] = SimpleQueue()
@@ -151,7 +153,7 @@ class Session:
         self._futures.clear()
         with suppress(Exception):
             self.client.close(CLOSE_SECONDS)
-        self._resources.close()
+        self.resources.close()
 
     # on the main thread
 
@@ -208,6 +210,7 @@ class Session:
         elif future.status == "cancelled":
             self._events.put(Disconnected())
         else:
+            self.cancel([key])
             self._events.put(ResultLost(key))
 
     async def _fetch(self, key: str, future: Future) -> None:

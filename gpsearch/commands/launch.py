@@ -2,6 +2,7 @@
 
 import shlex
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -14,11 +15,10 @@ from fitters.engine.warm import warm_up
 from gpsearch import __version__
 from gpsearch.commands.estimate import estimate
 from gpsearch.commands.progress import ProgressWatcher, duration, work
-from gpsearch.commands.runs import write_text
 from gpsearch.commands.signals import Terminated, terminable
 from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
 from gpsearch.configuration.references import resolve_path
-from gpsearch.errors import GpsearchError
+from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.exports import front_json
 from gpsearch.exports.front_json import to_text
 from gpsearch.front import Store
@@ -123,8 +123,8 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     """Writes front.json and front.png and lists the front beside the baselines."""
     exported = front_json(store, configuration)
     folder = store.path.parent
-    write_text(folder / "front.json", to_text(exported))
-    plot_front(exported, folder / "front.png")
+    _leave(folder / "front.json", lambda path: path.write_text(to_text(exported)))
+    _leave(folder / "front.png", lambda path: plot_front(exported, path))
     run = exported["run"]
     console.print(
         f"done ({reason}): {run['generations']} generations, {run['candidates']:,} candidates,"
@@ -144,6 +144,20 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     if len(front) > SUMMARY_ROWS:
         click.echo(f"({len(front) - SUMMARY_ROWS} smaller ones are in the export)")
     click.echo(f"front: {folder / 'front.json'}   picture: {folder / 'front.png'}")
+
+
+def _leave(path: Path, write: Callable[[Path], object]) -> None:
+    """Puts what `write` writes in the place of `path`, whole. Raises `StoreError` where the disk refuses."""
+    part = path.with_name(f"part-{path.name}")
+    try:
+        write(part)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise StoreError(
+            f"{path}: cannot be written ({error.strerror}); the run is safe: make room or mend the disk, and the"
+            " same command writes it"
+        ) from None
 
 
 def _list_tabulated(baselines: list[dict[str, Any]]) -> None:

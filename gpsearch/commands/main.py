@@ -1,5 +1,6 @@
 """The command group, and how every command ends: 0 well, 1 failed, 2 bad input, 130 by Ctrl-C, 143 by SIGTERM."""
 
+import sqlite3
 import sys
 
 import click
@@ -10,6 +11,7 @@ from gpsearch.commands.export import export
 from gpsearch.commands.fit import fit
 from gpsearch.commands.launch import launch
 from gpsearch.commands.materials import materials
+from gpsearch.commands.signals import Terminated
 from gpsearch.commands.status import status
 from gpsearch.errors import GpsearchError, StoreError
 from workers import WorkersError
@@ -42,6 +44,11 @@ def main() -> None:
         _complain(error)
         # A file that no worker can read is bad input all the same.
         sys.exit(2 if isinstance(error.__cause__, FittersError) else 1)
+    except sqlite3.DatabaseError as error:
+        _complain(f"the run's store cannot be read ({error}); restore it from a copy, or choose another --run")
+        sys.exit(2)
+    except Terminated:
+        sys.exit(143)
     except (KeyboardInterrupt, click.Abort):
         click.echo("interrupted", err=True)
         sys.exit(130)
@@ -51,5 +58,5 @@ def main() -> None:
         sys.exit(1)
 
 
-def _complain(error: Exception) -> None:
+def _complain(error: Exception | str) -> None:
     click.echo(f"gpsearch: {error}", err=True)

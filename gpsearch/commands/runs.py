@@ -27,8 +27,6 @@ def print_json(report: dict[str, Any]) -> None:
 def write_text(path: Path, text: str) -> None:
     """Writes a file; what cannot be written is a usage error, not a traceback."""
     try:
-        part = path.with_name(f"{path.name}.part")
-        part.write_text(text)
-        part.replace(path)
+        path.write_text(text)
     except OSError as error:
         raise click.ClickException(f"{path}: cannot be written ({error.strerror}); choose another -o") from None

@@ -9,6 +9,7 @@ import fcntl
 import json
 import os
 import socket
+import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
@@ -20,6 +21,8 @@ from gpsearch import __version__
 from gpsearch.errors import GpsearchError
 
 FILE = "run.lock"
+
+_TRIES, _PAUSE_SECONDS = 10, 0.03
 
 _LARGEST = 10_000
 """Bytes that are read of a file."""
@@ -92,7 +95,7 @@ class RunLock:
 
     def _lock(self, folder: Path) -> None:
         try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self._try_for_a_moment()
         except BlockingIOError:
             holder = self._read()
             who = f" ({holder})" if holder else ""
@@ -105,6 +108,15 @@ class RunLock:
             if error.errno in _UNSUPPORTED:
                 advice = "its file system has no locks, choose a directory on a local disk with --run"
             raise GpsearchError(f"{folder}: the run cannot be locked ({error.strerror}); {advice}") from None
+
+    def _try_for_a_moment(self) -> None:
+        """`status` holds the lock, too, for the moment in which it looks whether anyone does."""
+        for _ in range(_TRIES - 1):
+            with suppress(BlockingIOError):
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return
+            time.sleep(_PAUSE_SECONDS)
+        fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
     def _read(self) -> Holder | None:
         try:

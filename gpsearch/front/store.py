@@ -139,6 +139,9 @@ class Store:
                     "package": __version__,
                 }
                 connection.executemany("INSERT INTO meta VALUES (?, ?)", values.items())
+            # The log of a store that someone took away would be replayed into this one.
+            for left in ("-wal", "-shm"):
+                path.with_name(path.name + left).unlink(missing_ok=True)
             part.rename(path)
             return cls(path, _connect(path))
         except (OSError, sqlite3.Error) as error:
@@ -186,13 +189,17 @@ class Store:
     def transaction(self) -> Iterator[None]:
         """All or nothing of what is written inside. Raises `StoreError` where the disk refuses."""
         try:
+            if self._connection.in_transaction:
+                # A signal came between the end of the last one and its commitment.
+                self._connection.rollback()
             with self._connection:
                 self._connection.execute("BEGIN IMMEDIATE")
                 yield
         except sqlite3.IntegrityError as error:
             # Fits and generations are only ever added: whatever is there already, someone else has found.
             raise GpsearchError(
-                f"{self.path}: another gpsearch has gone on with this run ({error}); leave it to one of them"
+                f"{self.path}: another gpsearch has gone on with this run ({error}): leave it to one of them, and"
+                " to one version"
             ) from None
         except sqlite3.Error as error:
             raise StoreError(
@@ -289,6 +296,8 @@ class Store:
     def save_confirmed(self, members: Iterable[Member], island: int, generation: int) -> None:
         rows = [(m.expression, island, generation, json.dumps(member_json(m))) for m in members]
         self._connection.executemany("INSERT INTO confirmed VALUES (?, ?, ?, ?)", rows)
+        # Another island's fit of the same expression may be the one that was described.
+        self._connection.executemany("DELETE FROM descriptions WHERE expression = ?", [(row[0],) for row in rows])
 
     def keep_confirmed(self, front: Front) -> None:
         """Drops what is not on a front."""
@@ -296,9 +305,6 @@ class Store:
         for table in ("confirmed", "descriptions"):
             there = {row[0] for row in self._connection.execute(f"SELECT expression FROM {table}")}
             self._connection.executemany(f"DELETE FROM {table} WHERE expression = ?", [(e,) for e in there - kept])
-
-    def drop_confirmed(self, expression: str) -> None:
-        self._connection.execute("DELETE FROM confirmed WHERE expression = ?", (expression,))
 
     def descriptions(self) -> dict[str, Description]:
         """What is known in full of front members, by expression."""
@@ -387,9 +393,15 @@ def _connect(path: Path) -> sqlite3.Connection:
 
 
 def _connect_read_only(path: Path) -> sqlite3.Connection:
-    """A connection that makes no files beside the store, as a writing one does.
+    """A connection that cannot write, nor make files beside the store.
 
-    What is only in the log of a launcher that was killed cannot be seen then, and what is stored is older.
+    Where no log is there that it could read, the store itself is all there is, and does not change.
     """
-    address = f"{path.absolute().as_uri()}?mode=ro&immutable=1"
-    return sqlite3.connect(address, timeout=10, isolation_level=None, uri=True)
+    address = f"{path.absolute().as_uri()}?mode=ro"
+    connection = sqlite3.connect(address, timeout=10, isolation_level=None, uri=True)
+    try:
+        connection.execute("SELECT 1 FROM meta").fetchone()
+    except sqlite3.OperationalError:
+        connection.close()
+        connection = sqlite3.connect(f"{address}&immutable=1", timeout=10, isolation_level=None, uri=True)
+    return connection

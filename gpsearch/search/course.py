@@ -6,7 +6,7 @@ what all islands knew at the last migration; where, when and in which order fits
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -25,7 +25,7 @@ PARENTS = 1 / 3
 
 FAILURES = 8
 FAILING_SHARE = 0.1
-"""Where more candidates of a generation than both fail to be computed, the candidates are not to blame."""
+"""Where more candidates of a generation than both cannot be computed, or all of several, none is to blame."""
 
 SCREEN_SECONDS = 0.02
 """What screening a candidate takes, more or less; the executor measures it."""
@@ -79,8 +79,7 @@ class Course:
         bred = {child.canonical.text for child in brood}
         fitted = [self.memory[key] for key in found if key in bred and math.isinf(self.memory.seen(key))]
         with clock.stage("confirming"):
-            confirmed: list[Member] = []
-            yield from self._confirmed(new.values(), confirmed)
+            confirmed = yield from self._confirmed(new.values())
         errors = {c.expression: self.memory[c.canonical.text].error for c in brood}
         after = survive(self.island, brood, errors)
         sizes = {key: entrant.nodes for key, entrant in new.items()}
@@ -117,16 +116,13 @@ class Course:
         try:
             results = yield job
         except Stopped as stopped:
-            self._learn(unknown, stopped.results)
+            # What failed may have done so for the same reason as what stops us: it is tried again.
+            fits = {i: result for i, result in stopped.results.items() if not isinstance(result, Failure)}
+            self._learn(unknown, fits)
             self._keep_fits()
             raise
+        _require_mostly_computed(job, results)
         self._learn(unknown, dict(enumerate(results)))
-        failed = [result for result in results if isinstance(result, Failure)]
-        if len(failed) > max(FAILURES, FAILING_SHARE * len(results)):
-            raise WorkersError(
-                f"{job.label}: {len(failed)} of {len(results)} candidates could not be computed; the last:"
-                f" {failed[-1].reason}. That many are not to blame themselves: see the workers' logs"
-            )
 
     def _learn(self, asked: list[Entrant], results: Mapping[int, Any]) -> None:
         for index, result in results.items():
@@ -172,8 +168,8 @@ class Course:
 
     # confirming
 
-    def _confirmed(self, new: Any, confirmed: list[Member]) -> Lane:
-        """Fits on all cells the candidates that could enter the front, into `confirmed`."""
+    def _confirmed(self, new: Iterable[Entrant]) -> Generator[Job, list[Any], list[Member]]:
+        """The candidates that could enter the front, fitted on all cells."""
         by_text = {entrant.expression: entrant for entrant in new}
         known = {text: self.memory[entrant.canonical.text] for text, entrant in by_text.items()}
         texts = self.memory.front.worth_confirming(
@@ -191,16 +187,20 @@ class Course:
             )
             for text in texts
         ]
+        job = self._job("confirm", confirm, tasks, 1.0)
         try:
-            results: list[Confirmed | Failure] = yield self._job("confirm", confirm, tasks, 1.0)
+            results: list[Confirmed | Failure] = yield job
         except Stopped:
             self._keep_fits()
             raise
+        _require_mostly_computed(job, results)
+        confirmed = []
         for text, result in zip(texts, results, strict=True):
             if isinstance(result, Failure):
                 self._quarantine(by_text[text], "confirm", result)
             else:
                 confirmed.append(by_text[text].member(result, known[text].error))
+        return confirmed
 
     # helpers
 
@@ -215,6 +215,16 @@ class Course:
 
     def _load(self, fits: Mapping[str, Known]) -> dict[str, Parameters]:
         return self.store.parameters(fits, len(CHANNELS) * self.plan.materials)
+
+
+def _require_mostly_computed(job: Job, results: list[Any]) -> None:
+    """Raises `WorkersError` where so many items failed that they are not to blame themselves."""
+    failed = [result for result in results if isinstance(result, Failure)]
+    if len(failed) > max(FAILURES, FAILING_SHARE * len(results)) or len(failed) == len(results) > 1:
+        raise WorkersError(
+            f"{job.label}: {len(failed)} of {len(results)} candidates could not be computed; the last:"
+            f" {failed[-1].reason}. That many are not to blame themselves: see the workers' logs"
+        )
 
 
 class _Stages:

@@ -1,9 +1,10 @@
 """What is computed beside the search: baselines before it, and full descriptions of the front after it."""
 
 from collections.abc import Iterator, Sequence
+from typing import Any
 
-from fitters.baselines import TABULATED, BaselineJob, Judged, judge_baseline
-from fitters.fits import METRICS, ConfirmJob, DescriptionJob, confirm, describe
+from fitters.baselines import TABULATED, BaselineJob, judge_baseline
+from fitters.fits import ConfirmJob, DescriptionJob, confirm, describe
 from gpsearch.front import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane
@@ -24,36 +25,38 @@ def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
 
 def _formula(plan: Plan, store: Store, name: str) -> Lane:
     job = plan.formula_job(name)
-    (confirmed,) = yield Job(confirm, plan.recipe, [ConfirmJob(job)], f"baseline {name}", 10.0)
-    description = confirmed
-    if not isinstance(confirmed, Failure):
-        (description,) = yield Job(
-            describe, plan.recipe, [DescriptionJob(job, confirmed.fit)], f"describe baseline {name}", 1.0
-        )
-    with store.transaction():
-        if isinstance(description, Failure):
-            store.save_quarantined([Quarantined(name, "baseline", description.reason)])
-        else:
+    (confirmed,) = yield Job(confirm, plan.recipe, [ConfirmJob(job)], f"{name} baseline", 10.0)
+    if _failed(store, name, [confirmed]):
+        return
+    task = DescriptionJob(job, confirmed.fit)
+    (description,) = yield Job(describe, plan.recipe, [task], f"describe {name}", 1.0)
+    if not _failed(store, name, [description]):
+        with store.transaction():
             store.save_baseline(name, FormulaBaseline(description, confirmed.seconds))
 
 
 def _tabulated(plan: Plan, store: Store, name: str) -> Lane:
     jobs = [BaselineJob(name, material) for material in range(plan.materials)]
-    results = yield Job(judge_baseline, plan.recipe, jobs, f"baseline {name}", 10.0)
-    judged = [_unfitted(result) if isinstance(result, Failure) else result for result in results]
-    with store.transaction():
-        store.save_baseline(name, TabulatedBaseline.of(name, judged))
+    # Each has a cost of its own, which its name begins with.
+    judged = yield Job(judge_baseline, plan.recipe, jobs, f"{name} baseline", 10.0)
+    if not _failed(store, name, judged):
+        with store.transaction():
+            store.save_baseline(name, TabulatedBaseline.of(name, judged))
 
 
-def _unfitted(failure: Failure) -> Judged:
-    infinite = dict.fromkeys(METRICS, (float("inf"),) * 3)
-    return Judged(infinite, 0, 0.0, 0.0, (f"a material: {failure.reason}",))
+def _failed(store: Store, name: str, results: Sequence[Any]) -> bool:
+    """Whether a baseline could not be computed: it is quarantined, and tried again at the next launch."""
+    failures = [result for result in results if isinstance(result, Failure)]
+    if failures:
+        with store.transaction():
+            store.save_quarantined([Quarantined(name, "baseline", failures[0].reason)])
+    return bool(failures)
 
 
 def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> Iterator[Lane]:
     """Lanes that polish and describe members on all cells in float64, and store each as soon as it is done.
 
-    A member that cannot be described is quarantined, and is on the front no more.
+    A member that cannot be described is quarantined: no export has it. It is tried again at the next launch.
     """
     for member in members:
         yield _description(plan, store, member)
@@ -67,6 +70,5 @@ def _description(plan: Plan, store: Store, member: Member) -> Lane:
             reason = description.reason
             found = Quarantined(member.expression, "describe", reason, member.island, member.generation)
             store.save_quarantined([found])
-            store.drop_confirmed(member.expression)
         else:
             store.save_description(member.expression, description)

@@ -29,7 +29,6 @@ class Standing:
     candidates: int
     fitted: int
     seconds: float
-    best: float
     front: Front
 
 
@@ -62,7 +61,6 @@ class Search:
             recollection.remind(course)
         self.front = store.front()
         self.standing_generation, self.candidates, self.fitted = store.totals()
-        self.best: dict[int, float] = {}
         self.seconds_before = store.seconds
         self.started = time.monotonic()
 
@@ -159,13 +157,11 @@ class Search:
         self.candidates += row.candidates
         self.fitted += row.fitted
         self.front = self.front.updated(confirmed)
-        self.best[row.island] = row.best
         self.watcher.step(row.candidates - screened)
         if self.generation > before:
             self.standing_generation = self.generation
-            best = min(self.best.values())
             self.watcher.generation(
-                Standing(self.generation, self.candidates, self.fitted, self.seconds(), best, self.front)
+                Standing(self.generation, self.candidates, self.fitted, self.seconds(), self.front)
             )
 
     def _note_incidents(self) -> None:

@@ -222,7 +222,6 @@ def test_a_deadly_item_is_found_and_is_the_only_one_given_up(count: int) -> None
     assert isinstance(found.pop(count // 2), Failure)
     assert found == {n: n for n in range(count) if n != count // 2}
     assert cluster.deaths <= STRIKES + ceil(log2(count)) + DEATHS
-    assert dispatch.given_up == 1
     assert_nothing_is_left(dispatch)
 
 

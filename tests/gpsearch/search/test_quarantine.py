@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -16,8 +17,8 @@ from gpsearch.exports import front_json
 from gpsearch.front import Known, Store
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from tests.gpsearch.small import Watching, small, without_times
-from workers import DaskSettings, Executor, WorkersError, open_executor
+from tests.gpsearch.small import Watching, run_search, small, without_times
+from workers import DaskSettings, Done, Executor, Failure, WorkersError, open_executor
 from workers.local import LocalExecutor
 
 TARGETS = 3
@@ -105,3 +106,42 @@ def test_where_nearly_all_fail_the_run_does(tmp_path):
     store = Store.open(tmp_path / "bad" / "run")
     assert set(store.island_generations().values()) == {1}
     assert store.totals()[1] == 64
+
+
+class Sick(LocalExecutor):
+    """Whatever work begins with a word fails, after some of it went well."""
+
+    def __init__(self, word: str, well: int = 0) -> None:
+        super().__init__()
+        self.word, self.well = word, well
+
+    def wait(self, seconds):
+        (done,) = super().wait(seconds)
+        if done.job.label.startswith(self.word):
+            self.well -= 1
+            if self.well < 0:
+                return [Done(done.job, done.index, Failure("raised OSError: stale file handle"))]
+        return [done]
+
+
+@pytest.mark.parametrize(
+    ("word", "well", "kind"),
+    [
+        ("screen", 40, WorkersError),
+        ("confirm", 3, WorkersError),
+        ("describe front", 1, None),
+        ("lambert", 0, None),
+    ],
+)
+def test_a_machine_that_is_sick_for_a_while_changes_nothing(tmp_path, word, well, kind):
+    """Failures of all that is tried end a run, or leave something out; once mended, the same front is found."""
+    configuration = small(tmp_path, search={"island_size": 32}, budget={"generations": 2})
+    alone = run_search(tmp_path / "alone", configuration)
+    with pytest.raises(kind) if kind else nullcontext():
+        run_search(tmp_path / "run", configuration, executor=Sick(word, well))
+    sick = Store.open(tmp_path / "run")
+    assert kind or {one.stage for one in sick.quarantined()} <= {"describe", "baseline"}
+    mended = run_search(tmp_path / "run", configuration)
+    fronts = [without_times(front_json(store, configuration)) for store in (alone, mended)]
+    assert fronts[0] == fronts[1]
+    assert mended.islands() == alone.islands()

@@ -204,8 +204,8 @@ def test_baselines_that_are_stored_are_not_fitted_again(tmp_path):
     counting, watcher = Counting(), Watching()
     store = run_search(tmp_path / "run", configuration(), watcher, counting)
     assert watcher.stages[0] == ("baselines", 4)
-    assert counting.fitted["baseline power-iterations"] == 0
-    assert counting.fitted["baseline bivariate"] == 2
+    assert counting.fitted["power-iterations baseline"] == 0
+    assert counting.fitted["bivariate baseline"] == 2
     alone = run_search(tmp_path / "alone", configuration())
     assert without_times(front_json(store, configuration())) == without_times(front_json(alone, configuration()))
 
