@@ -1,5 +1,6 @@
 """Where the recipes are, and their YAML."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,11 @@ import yaml
 
 REPOSITORY = Path(__file__).parents[2]
 DEPLOY = REPOSITORY / "deploy"
+
+
+def installed(name: str) -> Path:
+    """A command that came with the packages of the tests, also where their environment is not on the path."""
+    return Path(sys.executable).with_name(name)
 
 
 def documents(path: Path) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from packaging.version import Version
 
-from tests.deploy.paths import DEPLOY, REPOSITORY
+from tests.deploy.paths import DEPLOY, REPOSITORY, installed
 
 CONTAINER = DEPLOY / "container"
 
@@ -21,7 +21,9 @@ def instructions() -> list[tuple[str, str]]:
 
 
 def test_hadolint_finds_nothing() -> None:
-    done = subprocess.run(["hadolint", CONTAINER / "Dockerfile"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [installed("hadolint"), CONTAINER / "Dockerfile"], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout) == (0, "")
 
 

@@ -13,7 +13,7 @@ from types import ModuleType
 
 import pytest
 
-from tests.deploy.paths import DEPLOY, documents
+from tests.deploy.paths import DEPLOY, documents, installed
 from tests.gpsearch.small import PATIENCE_SECONDS, small_text
 
 FOLDER = DEPLOY / "slurm"
@@ -159,7 +159,9 @@ def test_the_job_script_of_a_worker(launch: ModuleType, monkeypatch: pytest.Monk
     with launch.slurm_cluster() as cluster:
         script = cluster.job_script()
     assert subprocess.run(["bash", "-n"], input=script, text=True, check=False).returncode == 0
-    done = subprocess.run(["shellcheck", "-"], input=script, text=True, capture_output=True, check=False)
+    done = subprocess.run(
+        [installed("shellcheck"), "-"], input=script, text=True, capture_output=True, check=False
+    )
     assert (done.returncode, done.stdout) == (0, "")
     assert f"#SBATCH --cpus-per-task={launch.PROCESSES}" in script
     assert "--nthreads 1 " in script
@@ -174,7 +176,9 @@ def test_a_worker_leaves_before_its_job_is_ended(launch: ModuleType) -> None:
 
 
 def test_the_launcher_is_sound_shell() -> None:
-    done = subprocess.run(["shellcheck", FOLDER / "launcher.sbatch"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [installed("shellcheck"), FOLDER / "launcher.sbatch"], capture_output=True, text=True, check=False
+    )
     assert (done.returncode, done.stdout) == (0, "")
 
 
