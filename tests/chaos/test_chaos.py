@@ -171,13 +171,13 @@ def test_any_number_of_workers(tmp_path, reference, workers):
 
 
 BLOWS: dict[str, tuple[int, list[Callable[[Scene], None]]]] = {
-    "workers killed again and again": (8, [Scene.kill_worker]),
+    "workers killed again and again": (6, [Scene.kill_worker]),
     "all workers gone, new ones joining": (2, [Scene.replace_workers]),
     "the scheduler killed": (2, [Scene.restart_scheduler]),
-    "the launcher killed": (4, [Scene.kill_launcher]),
-    "the launcher at the end of its walltime": (3, [Scene.stop_launcher]),
+    "the launcher killed": (3, [Scene.kill_launcher]),
+    "the launcher at the end of its walltime": (2, [Scene.stop_launcher]),
     "a storm": (
-        8,
+        6,
         [Scene.kill_worker, Scene.kill_worker, Scene.restart_scheduler, Scene.kill_launcher, Scene.stop_launcher],
     ),
 }
