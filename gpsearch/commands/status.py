@@ -55,7 +55,7 @@ def _report(run: Path, store: Store, configuration: Configuration) -> dict[str, 
         "seconds_left": None if left is None else round(left, 1),
         "front": len(members),
         "best": {"nodes": members[-1].nodes, "error": members[-1].error} if members else None,
-        "workers": next((detail for _, kind, detail in reversed(events) if kind in ("workers", "launch")), None),
+        "workers": _workers(events),
         "lost_workers": sum(kind == "lost" for _, kind, _ in events),
         "retries": sum(int(detail) for _, kind, detail in events if kind == "retry"),
         "quarantined": [asdict(candidate) for candidate in store.quarantined()],
@@ -64,6 +64,16 @@ def _report(run: Path, store: Store, configuration: Configuration) -> dict[str, 
             for when, kind, detail in [event for event in events if event[1] != "retry"][-LAST_EVENTS:]
         ],
     }
+
+
+def _workers(events: list[tuple[float, str, str]]) -> str | None:
+    """What was heard last of the workers of the latest launch."""
+    for _, kind, detail in reversed(events):
+        if kind == "workers":
+            return detail
+        if kind == "launch":
+            return detail.partition(" on ")[2]
+    return None
 
 
 def _clock(seconds: float) -> str:
