@@ -1,4 +1,4 @@
-"""Executors: the one interface to running a function over payloads, wherever the processes are."""
+"""Executors: the one interface to running a function over items, wherever the processes are."""
 
 from __future__ import annotations
 
