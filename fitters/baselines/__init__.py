@@ -11,6 +11,7 @@ from fitters.baselines.judging import (
     judge_at,
     judge_baseline,
 )
+from fitters.baselines.kept import kept_baseline
 from fitters.baselines.names import (
     ANISOTROPIC,
     FACTORS,
@@ -39,6 +40,7 @@ __all__ = [
     "judge_anisotropic",
     "judge_at",
     "judge_baseline",
+    "kept_baseline",
     "of_anisotropic",
     "unknown",
     "warm_up",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.baselines.names import fit_baseline
+from fitters.baselines.kept import kept_baseline
 from fitters.errors import FittersError
 from fitters.fits.metrics import METRICS, Metric, length
 from fitters.fits.problem import CHANNELS, FitProblem, Source, weighted_target
@@ -49,7 +49,7 @@ def judge_baseline(problem: FitProblem, job: BaselineJob) -> Judged:
     material = problem.source.materials[job.material]
     began = time.perf_counter()
     try:
-        fitted = fit_baseline(job.name, material)
+        fitted = kept_baseline(job.name, material)
     except FittersError as error:
         # Data, not an exception: what one material lacks must not end a run over many.
         infinite = dict.fromkeys(METRICS, (math.inf, math.inf, math.inf))

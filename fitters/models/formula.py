@@ -6,7 +6,8 @@ import numpy as np
 
 from fitters.engine.cost import cost_ns
 from fitters.errors import FittersError
-from fitters.expressions import Expression, evaluate, parse, to_text
+from fitters.expressions import Expression, parse, to_text
+from fitters.expressions.evaluation import evaluate_features, features, parameter_free
 from fitters.grid import Array
 from fitters.models.directions import both_above, rows
 from fitters.models.half_vector import HalfVectorSampling
@@ -47,9 +48,11 @@ class FormulaModel(HalfVectorSampling, Model):
         w_i, w_o = rows(w_i), rows(w_o)
         above = both_above(w_i, w_o)
         values = np.zeros((len(w_i), 3))
+        seen = features(w_i[above], w_o[above])
+        shared = parameter_free(self.expression, seen)
         for channel in range(3):
             given = dict(zip(self.expression.parameters, self.parameters[channel].tolist(), strict=True))
-            values[above, channel] = evaluate(self.expression, given, w_i[above], w_o[above])
+            values[above, channel] = evaluate_features(self.expression, given, seen, shared)
         return np.maximum(np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0), 0.0)
 
     def cost_ns(self) -> float:

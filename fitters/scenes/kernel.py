@@ -62,6 +62,24 @@ def cell_seen(nx: float, ny: float, nz: float, cos_i: float, frame: Array, cos_d
 
 
 @njit
+def cell_of(normal: Array, w_i: Array, w_o: Array, cos_i: float) -> int:
+    """The cell of unit directions about a normal, all (3,) in world space; cos_i = normal . w_i."""
+    x, y, z = w_i[0] + w_o[0], w_i[1] + w_o[1], w_i[2] + w_o[2]
+    length = max(math.sqrt(x * x + y * y + z * z), 1e-300)
+    x, y, z = x / length, y / length, z / length
+    cos_diff = 0.5 * length
+    cos_half = normal[0] * x + normal[1] * y + normal[2] * z
+    across = (
+        normal[0] * (y * w_i[2] - z * w_i[1])
+        + normal[1] * (z * w_i[0] - x * w_i[2])
+        + normal[2] * (x * w_i[1] - y * w_i[0])
+    )
+    diff_bin = min(int(math.acos(min(cos_diff, 1.0)) / (math.pi / 2) * SHAPE[1]), SHAPE[1] - 1)
+    theta_half = math.acos(max(min(cos_half, 1.0), 0.0))
+    return _cell(theta_half, diff_bin, math.atan2(across, cos_diff * cos_half - cos_i))
+
+
+@njit
 def half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     """What a texel shares among all pixels: half vector h and h x w_i (texels, 6), cos(theta_diff), bin."""
     count = directions.shape[0]

@@ -1,0 +1,46 @@
+"""Fitted baselines, kept on disk: the tables that a run reported are there for whoever judges it later."""
+
+from functools import cache as once
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fitters import cache, factors, power_iterations
+from fitters.baselines.fitted import Fitted
+from fitters.baselines.names import KINDS, fit_baseline
+from fitters.materials import Material
+
+
+def kept_baseline(name: str, material: Material) -> Fitted:
+    """The baseline of a name fitted to a material, without its details, fitted once on a machine.
+
+    Kept by the content of the material and of the code that fits. Raises `FittersError` as `fit_baseline` does.
+    """
+
+    def build() -> dict[str, np.ndarray]:
+        fitted = fit_baseline(name, material)
+        model = fitted.model
+        return {
+            "kind": np.array(model.kind),
+            "fit_seconds": np.array(model.fit_seconds),
+            "warnings": np.array(fitted.warnings, np.str_),
+            **{f"model.{key}": values for key, values in model.arrays().items()},
+        }
+
+    stored = cache.arrays("baseline", cache.digest(name, material.sha256, _code()), build)
+    return _fitted(stored)
+
+
+def _fitted(stored: dict[str, Any]) -> Fitted:
+    arrays = {key.removeprefix("model."): values for key, values in stored.items() if key.startswith("model.")}
+    model = KINDS[str(stored["kind"])].from_arrays(arrays)
+    model.fit_seconds = float(stored["fit_seconds"])
+    return Fitted(model, warnings=tuple(map(str, stored["warnings"])))
+
+
+@once
+def _code() -> str:
+    """A content hash of what fits: a mended fit is not answered with what was found before."""
+    folders = [Path(package.__path__[0]) for package in (factors, power_iterations)]
+    return cache.digest(*(path.read_bytes() for folder in folders for path in sorted(folder.glob("*.py"))))
