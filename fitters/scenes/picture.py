@@ -1,6 +1,4 @@
-"""Pictures of a scene's sphere with the materials of tables, and how far one is from another."""
-
-import math
+"""Pictures of a scene's sphere with the materials of tables."""
 
 import numpy as np
 
@@ -44,12 +42,3 @@ def _shade(normals: Array, directions: Array, emission: Array, rows: Array, imag
             for k in range(count):
                 for c in range(3):
                     image[p, 3 * k + c] += emission[t, c] * cos_i * rows[cell, 3 * k + c]
-
-
-def psnr(picture: Array, reference: Array) -> float:
-    """Peak signal-to-noise ratio in dB of linear pictures (pixels, 3); infinite for equal ones.
-
-    The peak is the largest value of the reference (Bagher et al. 2016, section 5).
-    """
-    mean_square = float(np.mean((picture - reference) ** 2))
-    return math.inf if mean_square == 0 else 10 * math.log10(float(reference.max()) ** 2 / mean_square)

@@ -19,7 +19,7 @@ from fitters.factors.fitting import Solver
 from fitters.fits.metrics import METRICS
 from fitters.fits.problem import lit_source
 from fitters.materials import is_anisotropic, load_anisotropic, load_material
-from fitters.scenes import Scene, light_table
+from fitters.scenes import light_table
 from gpsearch.commands.fit_outcome import Outcome, Request, channel_lines, named
 from gpsearch.errors import GpsearchError
 
@@ -28,7 +28,7 @@ Errors = Mapping[str, Sequence[float]]
 
 def fit_tabulated(request: Request, solver: Solver | None) -> Outcome:
     """A baseline fitted to isotropic materials and judged in the light, as formulas are."""
-    light = light_table(Scene(light=request.light), base=Path.cwd())
+    light = light_table(request.seen, base=Path.cwd())
     source = lit_source([load_material(reference, base=Path.cwd()) for reference in request.materials], light)
     fits = {material.name: fit_baseline(request.model, material, solver=solver) for material in source.materials}
     judged = [judge_at(source, i, fitted.model) for i, fitted in enumerate(fits.values())]

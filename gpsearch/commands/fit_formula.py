@@ -21,7 +21,6 @@ from fitters.fits import (
     describe,
 )
 from fitters.fits.problem import CHANNELS
-from fitters.scenes import Scene
 from gpsearch.commands.fit_outcome import Outcome, Request, channel_lines, named
 from gpsearch.configuration import FitSection, Search
 from gpsearch.errors import GpsearchError
@@ -67,7 +66,7 @@ def _recipe(request: Request) -> ProblemRecipe:
     defaults = FitSection()
     return ProblemRecipe(
         materials=request.materials,
-        scene=Scene(light=request.light),
+        scene=request.seen,
         metric=request.metric,
         sample_cells=defaults.cells,
         fine_cells=defaults.confirm_cells,

@@ -6,16 +6,23 @@ from typing import Any
 
 from fitters.fits.problem import CHANNELS
 from fitters.models import Model
+from fitters.scenes import Scene
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What is asked for: a model by name or text, materials by reference, a light, a metric."""
+    """What is asked for: a model by name or text, materials by reference, a light or a whole scene, a metric."""
 
     model: str
     materials: tuple[str, ...]
     light: str
     metric: str
+    scene: Scene | None = None
+
+    @property
+    def seen(self) -> Scene:
+        """The scene that is fitted in: by default the light with all else as it is by default."""
+        return self.scene or Scene(light=self.light)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,7 @@ from fitters.errors import FittersError
 from gpsearch import __version__
 from gpsearch.commands.export import export
 from gpsearch.commands.fit import fit
+from gpsearch.commands.judge import judge
 from gpsearch.commands.launch import launch
 from gpsearch.commands.materials import materials
 from gpsearch.commands.signals import Terminated
@@ -23,7 +24,7 @@ def commands() -> None:
     """Finds the smallest, fastest analytic BRDF that reproduces measured materials in a scene."""
 
 
-for command in (launch, status, export, fit, materials):
+for command in (launch, status, export, judge, fit, materials):
     commands.add_command(command)
 
 

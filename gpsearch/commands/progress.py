@@ -1,7 +1,9 @@
 """Progress at the terminal: a live line with rich, plain lines where the output is no terminal."""
 
 import time
+from collections.abc import Iterable, Iterator
 from types import TracebackType
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
@@ -9,6 +11,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from gpsearch.search.plan import Budget
 from gpsearch.search.search import Standing
 from workers import Incident
+
+T = TypeVar("T")
 
 PLAIN_SECONDS = 10.0
 """Without a terminal a line is written at most so often; the last generation always has one."""
@@ -70,6 +74,21 @@ class ProgressWatcher:
             f"generation {standing.generation}{total}  {rate:.0f} candidates/s  best {best}"
             f"  front {len(members)}" + (f"  {duration(left)} left" if left is not None else "")
         )
+
+
+def counted(items: Iterable[T], total: int, what: str) -> Iterator[T]:
+    """The items, while a bar at the terminal counts them."""
+    with Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+        transient=True,
+        disable=not Console(stderr=True).is_terminal,
+    ) as live:
+        yield from live.track(items, total=total, description=what)
 
 
 def seconds_left(budget: Budget, generation: int, candidates: int, seconds: float) -> float | None:

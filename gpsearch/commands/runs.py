@@ -1,6 +1,7 @@
 """What the commands share: opening runs and configurations, and writing what they report."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -30,3 +31,13 @@ def write_text(path: Path, text: str) -> None:
         path.write_text(text)
     except OSError as error:
         raise click.ClickException(f"{path}: cannot be written ({error.strerror}); choose another -o") from None
+
+
+def make_folder(path: Path) -> None:
+    """Makes a folder for what a command writes; where it cannot be made or written, that is a usage error."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise click.ClickException(f"{path}: cannot be made ({error.strerror}); choose another -o") from None
+    if not os.access(path, os.W_OK):
+        raise click.ClickException(f"{path}: this may not be written; choose another -o")

@@ -24,8 +24,9 @@ from fitters.fits import ConfirmJob, FitJob, FitProblem, FitSettings, confirm, f
 from fitters.grid import SHAPE, Array, cell_directions
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel, Model
+from fitters.rendering.metrics import psnr
 from fitters.scenes import Scene, light_table, load_light
-from fitters.scenes.picture import pictures, psnr
+from fitters.scenes.picture import pictures
 from tests.benchmarks.problem import PROBE, SEED, data_folder
 from tests.benchmarks.reference_materials import MaterialSet, authors_factors, material_sets
 from tests.benchmarks.solvers import table as compared
@@ -118,7 +119,7 @@ def measured(material: Material, models: Iterable[str], data: Path | None) -> li
                 material=material.name,
                 light=_mean(errors["light"]),
                 compressive=_mean(errors["compressive"]),
-                psnr=psnr(image, images[0]),
+                psnr=psnr(images[0], image),
                 objective=float(np.mean(np.array(objective(material, model)) / theirs)),
                 seconds=model.fit_seconds,
                 iterations=iterations,

@@ -9,7 +9,7 @@ from fitters.materials import load_material
 from fitters.scenes import Scene, light_table
 from fitters.scenes.kernel import sphere_normals
 from fitters.scenes.lights import load_light
-from fitters.scenes.picture import pictures, psnr
+from fitters.scenes.picture import pictures
 
 SCENE = Scene(light="studio", resolution=24, light_rows=24)
 
@@ -31,12 +31,6 @@ def test_a_matte_sphere_shows_the_irradiance_of_every_pixel(light):
     cosine = np.maximum(sphere_normals(16) @ light.directions().reshape(-1, 3).T, 0)
     emission = (light.radiance * light.solid_angles()[..., None]).reshape(-1, 3)
     np.testing.assert_allclose(found, cosine @ emission / np.pi, rtol=1e-5)
-
-
-def test_psnr_is_the_definition():
-    reference = np.array([[0.0, 1.0, 2.0], [4.0, 0.5, 0.5]])
-    assert psnr(reference + 0.4, reference) == pytest.approx(20.0)
-    assert psnr(reference, reference) == np.inf
 
 
 def test_tables_of_another_shape_are_refused(light):

@@ -1,0 +1,100 @@
+"""Cards of many models: every contender judged on every material in a scene."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from fitters.fits.table_metrics import TABLE_METRICS
+from fitters.materials import Material
+from fitters.rendering import IMAGE_METRICS, Picture
+from fitters.rendering.card import HIGHER_IS_BETTER, METRIC_NAMES, Card, Judge
+from gpsearch.judging.contenders import Contender
+from gpsearch.judging.scenes import NamedScene
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A model of a material: its card, and the pictures it is about."""
+
+    material: str
+    card: Card
+    truth: Picture
+    picture: Picture
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A contender with its cards by material; materials that it has no model of are not there."""
+
+    contender: Contender
+    cards: Mapping[str, Card]
+
+    def mean(self, metric: str) -> float:
+        """Over materials; of PSNR that of the decibels, as the factor paper's tables are."""
+        return float(np.mean([card.metrics[metric] for card in self.cards.values()]))
+
+    def worst_material(self, metric: str) -> str:
+        """The material on which the metric is worst."""
+        sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+        return max(self.cards, key=lambda name: sign * self.cards[name].metrics[metric])
+
+
+def shown(
+    contenders: Sequence[Contender], materials: Sequence[Material], scene: NamedScene
+) -> Iterator[tuple[Contender, list[Shown]]]:
+    """Every contender in its order, with what it shows of every material in the scene.
+
+    Raises `FittersError` for a bad light, or a scene in which a material is black.
+    """
+    image, light = scene.image(), scene.light()
+    judges = [Judge(image, light, material) for material in materials]
+    for contender in contenders:
+        found = []
+        for judge in judges:
+            name = judge.material.name
+            if name in contender.models:
+                card, picture = judge.card(contender.models[name])
+                found.append(Shown(name, card, judge.truth, picture))
+        yield contender, found
+
+
+def judged(contenders: Sequence[Contender], materials: Sequence[Material], scene: NamedScene) -> Iterator[Judged]:
+    """Every contender with its cards, in its order; errors as `shown`."""
+    for contender, found in shown(contenders, materials, scene):
+        yield Judged(contender, {one.material: one.card for one in found})
+
+
+def protocols() -> dict[str, dict[str, str]]:
+    """How every metric is computed, in words."""
+    images = {
+        name: {"unit": metric.unit, "better": metric.better, "protocol": metric.protocol}
+        for name, metric in IMAGE_METRICS.items()
+    }
+    tables = {
+        name: {"unit": metric.unit, "better": "lower", "protocol": metric.protocol}
+        for name, metric in TABLE_METRICS.items()
+    }
+    return images | tables
+
+
+def judged_json(found: Judged) -> dict[str, Any]:
+    """A model's cards as plain objects; an infinite PSNR, of equal pictures, is null."""
+    contender = found.contender
+    return {
+        "name": contender.name,
+        "kind": contender.kind,
+        "expression": contender.expression,
+        "nodes": contender.nodes,
+        "floats": contender.floats,
+        "warnings": list(contender.warnings),
+        "worst_material": {metric: found.worst_material(metric) for metric in METRIC_NAMES} if found.cards else {},
+        "cards": {name: _card_json(card) for name, card in found.cards.items()},
+    }
+
+
+def _card_json(card: Card) -> dict[str, Any]:
+    metrics = {name: value if isfinite(value) else None for name, value in card.metrics.items()}
+    return {"metrics": metrics, "worst_region": asdict(card.worst), "unmeasured": card.unmeasured}
