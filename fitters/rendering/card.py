@@ -83,7 +83,9 @@ class Judge:
         errors = table_errors(self.material, self.light, values.reshape(3, *SHAPE))
         metrics = {name: comparison.value for name, comparison in compared.items()}
         metrics |= {name: float(np.sqrt(np.mean(np.square(three)))) for name, three in errors.items()}
-        worst = self._worst(error_map(self.truth, picture), picture)
+        errors_seen = compared[WORST_BY].per_pixel
+        assert errors_seen is not None
+        worst = self._worst(errors_seen, picture)
         return Card(metrics, worst, self.unmeasured), picture
 
     def _worst(self, errors: Array, model: Picture) -> Region:

@@ -38,22 +38,22 @@ def integrate(light: EnvironmentMap, normals: Array) -> Array:
 @compiled.entry()
 def _gather(normals: Array, directions: Array, emission: Array, table: Array) -> None:
     """Add `emission` (texels, 3) from `directions` (texels, 3) to `table` (CELLS, 3) for all normals."""
-    frames, cos_diff, diff_bins = half_frames(directions)
+    frames, cos_diff, diff_bins = _half_frames(directions)
     for p in range(normals.shape[0]):
         nx, ny, nz = normals[p]
         for t in range(directions.shape[0]):
             cos_i = nx * directions[t, 0] + ny * directions[t, 1] + nz * directions[t, 2]
             if cos_i <= 0.0:
                 continue
-            cell = cell_seen(nx, ny, nz, cos_i, frames[t], cos_diff[t], diff_bins[t])
+            cell = _cell_seen(nx, ny, nz, cos_i, frames[t], cos_diff[t], diff_bins[t])
             table[cell, 0] += emission[t, 0] * cos_i
             table[cell, 1] += emission[t, 1] * cos_i
             table[cell, 2] += emission[t, 2] * cos_i
 
 
 @njit
-def cell_seen(nx: float, ny: float, nz: float, cos_i: float, frame: Array, cos_diff: float, diff_bin: int) -> int:
-    """The cell in which a pixel of normal (nx, ny, nz) sees a texel, given the texel's share of `half_frames`."""
+def _cell_seen(nx: float, ny: float, nz: float, cos_i: float, frame: Array, cos_diff: float, diff_bin: int) -> int:
+    """The cell in which a pixel of normal (nx, ny, nz) sees a texel, given the texel's share of `_half_frames`."""
     cos_half = nx * frame[0] + ny * frame[1] + nz * frame[2]
     # w_i in the tangent frame at the half vector, both components times sin(theta_half).
     x = cos_diff * cos_half - cos_i
@@ -80,7 +80,7 @@ def cell_of(normal: Array, w_i: Array, w_o: Array, cos_i: float) -> int:
 
 
 @njit
-def half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
+def _half_frames(directions: Array) -> tuple[Array, Array, NDArray[np.int64]]:
     """What a texel shares among all pixels: half vector h and h x w_i (texels, 6), cos(theta_diff), bin."""
     count = directions.shape[0]
     frames, cos_diff, bins = np.zeros((count, 6)), np.zeros(count), np.zeros(count, np.int64)

@@ -32,7 +32,7 @@ def card_sheet(contender: Contender, shown: Sequence[Shown], scene: str, path: P
     """
     figure = Figure(figsize=(8.6, 0.75 + 2.1 * len(shown)), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
-    rows = figure.subplots(len(shown), 4, squeeze=False, width_ratios=(1, 1, 1.12, 1.15))
+    rows = figure.subplots(len(shown), 4, squeeze=False, width_ratios=(1, 1, 1.07, 1.15))
     highest = max(float(error_map(one.truth, one.picture).max()) for one in shown)
     for axes, one in zip(rows, shown, strict=True):
         scale = exposure(one.truth)
@@ -75,7 +75,9 @@ def _image(axes: Axes, image: Array, **options: object) -> AxesImage:
 def _mark(axes: Axes, one: Shown) -> None:
     worst, height = one.card.worst, one.truth.foreground.shape[0]
     centre = (worst.column, worst.row)
-    axes.add_patch(Circle(centre, 2 * max(REGION * height, 1.0), fill=False, color=MARK_COLOUR, lw=1.1))
+    axes.add_patch(
+        Circle(centre, 2 * max(REGION * height, 1.0), fill=False, color=MARK_COLOUR, lw=1.1, clip_on=False)
+    )
 
 
 def _write(axes: Axes, one: Shown) -> None:

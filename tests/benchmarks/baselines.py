@@ -21,12 +21,10 @@ from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
 from fitters.factors.objective import objective
 from fitters.fits import ConfirmJob, FitJob, FitProblem, FitSettings, confirm, fit_problem
-from fitters.grid import SHAPE, Array, cell_directions
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel, Model
-from fitters.rendering.metrics import psnr
-from fitters.scenes import Scene, light_table, load_light
-from fitters.scenes.picture import pictures
+from fitters.rendering import IMAGE_METRICS, Picture, image_map
+from fitters.scenes import Scene, light_table
 from tests.benchmarks.problem import PROBE, SEED, data_folder
 from tests.benchmarks.reference_materials import MaterialSet, authors_factors, material_sets
 from tests.benchmarks.solvers import table as compared
@@ -119,7 +117,7 @@ def measured(material: Material, models: Iterable[str], data: Path | None) -> li
                 material=material.name,
                 light=_mean(errors["light"]),
                 compressive=_mean(errors["compressive"]),
-                psnr=psnr(images[0], image),
+                psnr=IMAGE_METRICS["psnr"].compare(images[0], image).value,
                 objective=float(np.mean(np.array(objective(material, model)) / theirs)),
                 seconds=model.fit_seconds,
                 iterations=iterations,
@@ -145,15 +143,10 @@ def _fitted(name: str, problem: FitProblem) -> tuple[Model, float, tuple[str, ..
     return model, math.nan, ()
 
 
-def _pictures(scene: Scene, material: Material, models: list[Model]) -> Array:
-    """The sphere with the material, then with each model; outside the material's cells all show the same."""
-    light = load_light(scene.light).resampled(scene.light_rows, scene.rotation)
-    w_i, w_o = cell_directions()
-    tables = [material.table]
-    for model in models:
-        values = model.evaluate(w_i, w_o).T.reshape(3, *SHAPE)
-        tables.append(np.where(material.valid, values, 0.0).astype(np.float32))
-    return pictures(light, scene.resolution, np.stack(tables))
+def _pictures(scene: Scene, material: Material, models: list[Model]) -> list[Picture]:
+    """The sphere with the material, then with each model; where it was not measured all are black."""
+    image = image_map(scene)
+    return [image.of_material(material), *(image.of_model(model, material) for model in models)]
 
 
 def _mean(errors: tuple[float, float, float]) -> float:
