@@ -69,7 +69,7 @@ class Judge:
 
     @cached_property
     def unmeasured(self) -> float:
-        """The share of a white surface's image in cells without a measurement, which are black in every picture."""
+        """The share of a white surface's image in cells without a measurement, black in every picture."""
         return self.image.unmeasured(self.material)
 
     def card(self, model: Model) -> tuple[Card, Picture]:

@@ -30,8 +30,8 @@ def test_a_white_surface_in_a_white_room_has_radiance_pi():
     np.testing.assert_allclose(seen, np.pi, rtol=2e-3)
 
 
-@pytest.mark.parametrize("alpha", [0.01, 0.03, 0.1])
-def test_lobes_far_narrower_than_a_texel_keep_their_energy(alpha):
+@pytest.mark.parametrize(("alpha", "tolerance"), [(0.01, 0.08), (0.03, 0.04), (0.1, 0.03)])
+def test_lobes_far_narrower_than_a_texel_keep_their_energy(alpha, tolerance):
     # In a white room a pixel shows what its view reflects, which quadrature over half vectors finds, too.
     def lobe(w_i, w_o):
         half = w_i + w_o
@@ -46,7 +46,7 @@ def test_lobes_far_narrower_than_a_texel_keep_their_energy(alpha):
         w_o = np.array([np.sqrt(1 - geometry.normals[pixel, 2] ** 2), 0.0, geometry.normals[pixel, 2]])
         w_i, solid_angle = directions(w_o)
         expected = np.sum(lobe(w_i, w_o) * np.maximum(w_i[:, 2], 0) * solid_angle)
-        assert seen[pixel] == pytest.approx(expected, rel=0.05)
+        assert seen[pixel] == pytest.approx(expected, rel=tolerance)
 
 
 def test_the_mean_over_the_pixels_is_what_the_light_table_says():
