@@ -26,8 +26,17 @@ class Checks:
 
 def check(expression: Expression, found: Fit, minimum: float) -> Checks:
     """The checks of a fitted expression whose smallest value is known; values not finite make them infinite."""
+    albedo = 0.0
+    for target in range(len(found.values)):
+        parameters = found.parameters(target)
+        albedo = max(albedo, *(directional_albedo(expression, parameters, angle) for angle in _ANGLES))
+    return Checks(reciprocity(expression, found), minimum, albedo)
+
+
+def reciprocity(expression: Expression, found: Fit) -> float:
+    """The largest relative difference of f(w_i, w_o) and f(w_o, w_i); infinite where they are no numbers."""
     w_i, w_o = _random_pairs()
-    reciprocity, albedo = 0.0, 0.0
+    largest = 0.0
     for target in range(len(found.values)):
         parameters = found.parameters(target)
         forth = evaluate(expression, parameters, w_i, w_o)
@@ -36,9 +45,8 @@ def check(expression: Expression, found: Fit, minimum: float) -> Checks:
             difference = np.abs(forth - back) / np.maximum(np.abs(forth), np.abs(back))
         # 0 against 0 and infinity against infinity agree.
         difference[forth == back] = 0.0
-        reciprocity = max(reciprocity, float(np.nan_to_num(difference, nan=np.inf).max()))
-        albedo = max(albedo, *(directional_albedo(expression, parameters, angle) for angle in _ANGLES))
-    return Checks(reciprocity, minimum, albedo)
+        largest = max(largest, float(np.nan_to_num(difference, nan=np.inf).max()))
+    return largest
 
 
 _ANGLES = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0])

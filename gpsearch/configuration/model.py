@@ -14,7 +14,7 @@ from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fits import METRICS
 from gpsearch.configuration.comparison import Difference, differences
-from gpsearch.configuration.fields import Section, Surroundings, Whole, one_of, section, whole
+from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.references import (
     BUILTIN,
     check_material,
@@ -77,6 +77,7 @@ class Configuration(Section):
     budget: Budget = section(Budget)
     search: Search = section(Search)
     fit: FitSection = section(FitSection)
+    culling: Number = number(0.01, low=0)
     baselines: Annotated[
         tuple[Annotated[str, AfterValidator(one_of(BASELINES))], ...], AfterValidator(check_no_baseline_twice)
     ] = Field(DEFAULT_BASELINES, max_length=MAX_ENTRIES, description=f"a list of {listed(BASELINES)}")

@@ -3,11 +3,13 @@
 import hashlib
 import json
 import math
+from dataclasses import dataclass
 from importlib import resources
 from typing import Any, TypeVar
 
 from fitters import expressions
-from fitters.expressions.catalogue import formula
+from fitters.culling import Step
+from fitters.expressions.catalogue import formula as published_formula
 from fitters.fits import Description
 from fitters.fits.problem import CHANNELS
 from gpsearch import __version__
@@ -27,12 +29,11 @@ def schema() -> dict[str, Any]:
 def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
     """The front of a run as plain objects, sorted by size, the error strictly falling.
 
-    Only members that are described count: `Search.describe_front` describes them all.
+    Only members that are described count: `Search.describe_front` describes them all. What culling has left of
+    them competes with them.
     """
     materials = configuration.material_names
     generations, candidates, _ = store.totals()
-    described = store.descriptions()
-    members = [(m, described[m.expression]) for m in store.front().members if m.expression in described]
     scene, baselines = configuration.scene, store.baselines()
     return {
         "schema": SCHEMA,
@@ -53,7 +54,7 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
             "candidates": candidates,
             "seconds": round(store.seconds, 3),
         },
-        "front": [_member_entry(m, d, materials) for m, d in _non_dominated(members)],
+        "front": [_member_entry(formula, materials) for formula in _non_dominated(_formulas(store))],
         "baselines": [
             _baseline_entry(name, baselines[name], configuration.metric, materials)
             for name in dict.fromkeys(configuration.baselines)
@@ -62,21 +63,49 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
     }
 
 
-def _non_dominated(members: list[tuple[Member, Description]]) -> list[tuple[Member, Description]]:
-    """Members by size with falling exact error: the last polish may have changed who beats whom."""
-    kept: list[tuple[Member, Description]] = []
-    for member, description in sorted(members, key=lambda m: (m[0].nodes, m[1].fit.error, m[0].expression)):
-        if description.fit.error < (kept[-1][1].fit.error if kept else math.inf):
-            kept.append((member, description))
+@dataclass(frozen=True)
+class _Formula:
+    """A front member, or what culling has left of it: then `before` and `steps` say of what, and how."""
+
+    member: Member
+    expression: str
+    nodes: int
+    description: Description
+    before: Description | None = None
+    steps: tuple[Step, ...] = ()
+
+
+def _formulas(store: Store) -> list[_Formula]:
+    """The members that are described, and what is left of those that were culled."""
+    described, culled = store.descriptions(), store.culled()
+    found = []
+    for member in store.front().members:
+        if (before := described.get(member.expression)) is None:
+            continue
+        found.append(_Formula(member, member.expression, member.nodes, before))
+        left = culled.get(member.expression)
+        if left is not None and left.description is not None:
+            nodes = expressions.parse(left.expression).nodes
+            found.append(_Formula(member, left.expression, nodes, left.description, before, left.steps))
+    return found
+
+
+def _non_dominated(formulas: list[_Formula]) -> list[_Formula]:
+    """Formulas by size with falling exact error: polish and culling may have changed who beats whom."""
+    kept: list[_Formula] = []
+    for formula in sorted(formulas, key=lambda f: (f.nodes, f.description.fit.error, f.expression)):
+        if formula.description.fit.error < (kept[-1].description.fit.error if kept else math.inf):
+            kept.append(formula)
     return kept
 
 
-def _member_entry(member: Member, description: Description, materials: tuple[str, ...]) -> dict[str, Any]:
+def _member_entry(formula: _Formula, materials: tuple[str, ...]) -> dict[str, Any]:
+    member, description = formula.member, formula.description
     fit, checks = description.fit, description.checks
     return {
-        "id": hashlib.sha256(member.expression.encode()).hexdigest()[:8],
-        "expression": member.expression,
-        "nodes": member.nodes,
+        "id": hashlib.sha256(formula.expression.encode()).hexdigest()[:8],
+        "expression": formula.expression,
+        "nodes": formula.nodes,
         "parameters": {
             name: _by_material(fit.values[:, column].tolist(), materials) for column, name in enumerate(fit.names)
         },
@@ -94,6 +123,22 @@ def _member_entry(member: Member, description: Description, materials: tuple[str
                 "albedo_max": checks.albedo_max,
             }
         ),
+    } | _culled_entry(formula)
+
+
+def _culled_entry(formula: _Formula) -> dict[str, Any]:
+    """What went and what it cost; nothing for a formula that is as the search found it."""
+    if formula.before is None:
+        return {}
+    return {
+        "culled": {
+            "from": formula.member.expression,
+            "nodes": formula.member.nodes,
+            "error": formula.before.fit.error,
+            "steps": [
+                vars(step) | {"nodes": list(step.nodes), "error": list(step.error)} for step in formula.steps
+            ],
+        }
     }
 
 
@@ -107,7 +152,7 @@ def _baseline_entry(name: str, baseline: Baseline, metric: str, materials: tuple
 
 def _formula_entry(name: str, description: Description, materials: tuple[str, ...]) -> dict[str, Any]:
     fit = description.fit
-    published = formula(name)
+    published = published_formula(name)
     return {
         "kind": "formula",
         "expression": expressions.to_text(published.expression),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from fitters.culling import Culled, Step
 from fitters.fits import Description, Fit
 from fitters.fits.checks import Checks
 from gpsearch.evolution.island import Individual
@@ -103,6 +104,20 @@ def description_json(description: Description) -> dict[str, Any]:
 
 def read_description(stored: dict[str, Any]) -> Description:
     return Description(read_fit(stored["fit"]), stored["metrics"], Checks(**stored["checks"]), stored["cost_ns"])
+
+
+def culled_json(culled: Culled) -> dict[str, Any]:
+    return {
+        "expression": culled.expression,
+        "steps": [vars(step) for step in culled.steps],
+        "description": culled.description and description_json(culled.description),
+    }
+
+
+def read_culled(stored: dict[str, Any]) -> Culled:
+    steps = (step | {"nodes": tuple(step["nodes"]), "error": tuple(step["error"])} for step in stored["steps"])
+    description = stored["description"] and read_description(stored["description"])
+    return Culled(stored["expression"], tuple(Step(**step) for step in steps), description)
 
 
 def baseline_json(baseline: Baseline) -> dict[str, Any]:

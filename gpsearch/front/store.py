@@ -13,10 +13,12 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.culling import Culled
 from fitters.fits import Description
 from gpsearch import __version__
 from gpsearch.errors import GpsearchError, StoreError
@@ -26,10 +28,12 @@ from gpsearch.front.front import Front, Member
 from gpsearch.front.known import Known
 from gpsearch.front.records import (
     baseline_json,
+    culled_json,
     description_json,
     member_json,
     population_text,
     read_baseline,
+    read_culled,
     read_description,
     read_individual,
     read_member,
@@ -311,9 +315,30 @@ class Store:
         rows = self._connection.execute("SELECT expression, description FROM descriptions")
         return {expression: read_description(json.loads(text)) for expression, text in rows}
 
-    def save_description(self, expression: str, description: Description) -> None:
-        text = json.dumps(description_json(description))
-        self._connection.execute("INSERT OR REPLACE INTO descriptions VALUES (?, ?)", (expression, text))
+    def culled(self) -> dict[str, Culled | None]:
+        """What is left of described members, by expression; None of those that are still to be culled.
+
+        Members that are not to be culled, as in runs of versions without culling, do not occur.
+        """
+        rows = self._connection.execute("SELECT expression, description FROM descriptions")
+        stored = {expression: json.loads(text) for expression, text in rows}
+        due = {expression: row["culled"] for expression, row in stored.items() if "culled" in row}
+        return {expression: row and read_culled(row) for expression, row in due.items()}
+
+    def save_description(self, expression: str, description: Description, *, to_cull: bool = False) -> None:
+        row = description_json(description) | ({"culled": None} if to_cull else {})
+        self._save_described(expression, row)
+
+    def save_culled(self, expression: str, culled: Culled) -> None:
+        """What is left of a member that is described."""
+        query = "SELECT description FROM descriptions WHERE expression = ?"
+        (text,) = self._connection.execute(query, (expression,)).fetchone()
+        self._save_described(expression, json.loads(text) | {"culled": culled_json(culled)})
+
+    def _save_described(self, expression: str, row: dict[str, Any]) -> None:
+        self._connection.execute(
+            "INSERT OR REPLACE INTO descriptions VALUES (?, ?)", (expression, json.dumps(row))
+        )
 
     # quarantine
 

@@ -39,6 +39,7 @@ class Plan:
     settings: FitSettings
     early_stopping: bool
     warm_starts: bool
+    culling: float
     baselines: tuple[str, ...]
     budget: Budget
 
@@ -100,6 +101,7 @@ def plan(configuration: Configuration) -> Plan:
         settings=fit.settings,
         early_stopping=fit.early_stopping,
         warm_starts=fit.warm_starts,
+        culling=configuration.culling,
         baselines=configuration.baselines,
         budget=budget_of(configuration),
     )

@@ -1,10 +1,11 @@
 """What is computed beside the search: baselines before it, and full descriptions of the front after it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from fitters.baselines import TABULATED, BaselineJob, judge_baseline
-from fitters.fits import ConfirmJob, DescriptionJob, confirm, describe
+from fitters.culling import CullJob, cull
+from fitters.fits import ConfirmJob, Description, DescriptionJob, confirm, describe
 from gpsearch.front import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane
@@ -53,22 +54,43 @@ def _failed(store: Store, name: str, results: Sequence[Any]) -> bool:
     return bool(failures)
 
 
-def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> Iterator[Lane]:
-    """Lanes that polish and describe members on all cells in float64, and store each as soon as it is done.
+def unfinished(store: Store, members: Sequence[Member]) -> list[Member]:
+    """The members that are not described yet, or are still to be culled."""
+    described, culled = store.descriptions(), store.culled()
+    return [m for m in members if m.expression not in described or culled.get(m.expression, m) is None]
 
-    A member that cannot be described is quarantined: no export has it. It is tried again at the next launch.
+
+def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> tuple[int, list[Lane]]:
+    """Lanes that describe and cull members on all cells, and store each step, and how many steps they have in all.
+
+    A member that cannot be described is quarantined: no export has it. One that cannot be culled is, too, and
+    stays as it is. Either is tried again at the next launch.
     """
-    for member in members:
-        yield _description(plan, store, member)
+    described = store.descriptions()
+    steps = sum((m.expression not in described) + (plan.culling > 0) for m in members)
+    return steps, [_description(plan, store, m, described.get(m.expression)) for m in members]
 
 
-def _description(plan: Plan, store: Store, member: Member) -> Lane:
-    task = DescriptionJob(plan.job(member.expression), member.fit)
-    (description,) = yield Job(describe, plan.recipe, [task], "describe front", 1.0)
-    with store.transaction():
-        if isinstance(description, Failure):
-            reason = description.reason
-            found = Quarantined(member.expression, "describe", reason, member.island, member.generation)
-            store.save_quarantined([found])
-        else:
-            store.save_description(member.expression, description)
+def _description(plan: Plan, store: Store, member: Member, description: Description | None) -> Lane:
+    """`description` is there where the member is only left to be culled."""
+    job = plan.job(member.expression)
+    if description is None:
+        (found,) = yield Job(describe, plan.recipe, [DescriptionJob(job, member.fit)], "describe front", 1.0)
+        with store.transaction():
+            if isinstance(found, Failure):
+                store.save_quarantined([_quarantined(member, "describe", found)])
+                return
+            store.save_description(member.expression, found, to_cull=plan.culling > 0)
+        description = found
+    if plan.culling > 0:
+        task = CullJob(job, description, plan.culling)
+        (culled,) = yield Job(cull, plan.recipe, [task], "cull front", 10.0)
+        with store.transaction():
+            if isinstance(culled, Failure):
+                store.save_quarantined([_quarantined(member, "cull", culled)])
+            else:
+                store.save_culled(member.expression, culled)
+
+
+def _quarantined(member: Member, stage: str, failure: Failure) -> Quarantined:
+    return Quarantined(member.expression, stage, failure.reason, member.island, member.generation)

@@ -14,7 +14,7 @@ from gpsearch.front import Front, Generation, Member, Store
 from gpsearch.search.course import Course
 from gpsearch.search.plan import Plan
 from gpsearch.search.recollection import Recollection
-from gpsearch.search.references import baseline_lanes, description_lanes
+from gpsearch.search.references import baseline_lanes, description_lanes, unfinished
 from workers import Done, Executor, Incident, Lane, run_lanes
 
 
@@ -97,12 +97,11 @@ class Search:
             self._run(lanes, stop=lambda: False)
 
     def describe_front(self) -> None:
-        """Polishes and describes, on all cells in float64, the front members that have not been yet."""
-        there = self.store.descriptions()
-        members = [member for member in self.front.members if member.expression not in there]
-        if members:
-            self.watcher.stage("describing the front", len(members))
-            self._run(description_lanes(self.plan, self.store, members), stop=lambda: False)
+        """Polishes, describes and culls, on all cells in float64, the front members that have not been yet."""
+        steps, lanes = description_lanes(self.plan, self.store, unfinished(self.store, self.front.members))
+        if lanes:
+            self.watcher.stage("describing the front", steps)
+            self._run(lanes, stop=lambda: False)
 
     def _search(self) -> str:
         """Every turn of the loop is what lies between two migrations."""

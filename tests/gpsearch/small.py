@@ -31,6 +31,7 @@ SMALL: dict[str, Any] = {
     "budget": {"generations": 4},
     "search": {"start": ["phong"], "islands": 2, "island_size": 8, "migrate_every": 2, "max_nodes": 40},
     "fit": {"cells": 256, "confirm_cells": 1024},
+    "culling": 0,
     "baselines": ["lambert"],
 }
 

@@ -57,6 +57,7 @@ search:
   bounds: [-1, 1]
   edits: {swap: 0, insert: 2, replace: 1.5, delete: 0}
 fit: {cells: 64, confirm_cells: 128, starts: 9, restarts: 1, rounds: 0, evaluations: 10, tolerance: 1e-3}
+culling: 0.05
 baselines: []
 """
     )
@@ -69,7 +70,7 @@ baselines: []
     assert configuration.codebank_expressions() == (CATALOGUE["phong"].expression,)
     assert configuration.search.edits.replace == 1.5
     assert configuration.fit.settings == FitSettings(9, 1, 0, 10, 1e-3)
-    assert configuration.baselines == ()
+    assert (configuration.culling, configuration.baselines) == (0.05, ())
 
 
 def test_baselines_are_formulas_and_reference_fits(load):

@@ -13,13 +13,14 @@ from tests.workers.cluster import real_cluster
 
 @pytest.mark.slow
 def test_the_front_is_the_same_in_one_process_and_on_two_workers_of_a_scheduler(tmp_path):
-    """The front and all baselines that a run has by default."""
+    """The front, culled, and all baselines that a run has by default."""
     baselines = list(DEFAULT_BASELINES)
-    (tmp_path / "small.yaml").write_text(small_text(executor="local", baselines=baselines))
+    (tmp_path / "small.yaml").write_text(small_text(executor="local", baselines=baselines, culling=0.01))
     alone = gpsearch("launch", "small.yaml", "--run", "alone", cwd=tmp_path)
     assert alone.returncode == 0, alone.stderr
     with real_cluster(workers=2) as address:
-        text = small_text(executor={"kind": "dask", "scheduler": address}, baselines=baselines)
+        executor = {"kind": "dask", "scheduler": address}
+        text = small_text(executor=executor, baselines=baselines, culling=0.01)
         (tmp_path / "small.yaml").write_text(text)
         spread = gpsearch_process("launch", "small.yaml", "--run", "spread", cwd=tmp_path)
     assert spread.returncode == 0, spread.stderr
