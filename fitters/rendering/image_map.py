@@ -15,7 +15,7 @@ from fitters.materials import Material
 from fitters.models import Model
 from fitters.rendering.kernel import rows
 from fitters.rendering.picture import Picture
-from fitters.scenes.geometry import sphere
+from fitters.scenes.geometries import load_geometry
 from fitters.scenes.lights import load_light
 from fitters.scenes.scene import Scene
 
@@ -95,12 +95,12 @@ class ImageMap:
 
 
 def image_map(scene: Scene, *, base: Path | None = None) -> ImageMap:
-    """The image map of a scene, from the disk cache where it is there; a relative light is found in `base`.
+    """The image map of a scene, from the disk cache where it is there; relative paths are found in `base`.
 
     Deterministic. Some 16 bytes for each of 3,000 cells that a pixel sees: 350 MB for 96 pixels across.
     """
     light = load_light(scene.light, base=base).resampled(scene.light_rows, float(scene.rotation % 360))
-    geometry = sphere(scene.resolution)
+    geometry = load_geometry(scene, base=base)
     key = cache.digest("image map", VERSION, light.radiance, geometry.sha256)
 
     def build() -> dict[str, np.ndarray]:

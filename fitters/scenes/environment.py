@@ -38,10 +38,7 @@ class EnvironmentMap:
 
     def directions(self) -> Array:
         """Unit directions (rows, 2 rows, 3) towards the texel centres, in world space."""
-        theta, phi = texel_angles(self.rows)
-        sin_theta, cos_theta = np.sin(theta)[:, None], np.cos(theta)[:, None]
-        x, y, z = sin_theta * np.sin(phi), cos_theta, -sin_theta * np.cos(phi)
-        return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+        return texel_directions(self.rows)
 
     def solid_angles(self) -> Array:
         """Exact solid angle (rows, 1) of a texel of each row, steradians; all texels add up to 4 pi."""
@@ -75,6 +72,14 @@ def texel_angles(rows: int) -> tuple[Array, Array]:
     theta = (np.arange(rows) + 0.5) / rows * np.pi
     phi = (np.arange(2 * rows) + 0.5) / rows * np.pi
     return theta, phi
+
+
+def texel_directions(rows: int) -> Array:
+    """Unit directions (rows, 2 rows, 3) towards the texel centres of a map of so many rows, in world space."""
+    theta, phi = texel_angles(rows)
+    sin_theta, cos_theta = np.sin(theta)[:, None], np.cos(theta)[:, None]
+    x, y, z = sin_theta * np.sin(phi), cos_theta, -sin_theta * np.cos(phi)
+    return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 
 
 def _edges(source: int, target: int) -> Array:

@@ -51,6 +51,43 @@ def _gather(normals: Array, directions: Array, emission: Array, table: Array) ->
             table[cell, 2] += emission[t, 2] * cos_i
 
 
+def integrate_seen(
+    light: EnvironmentMap, normals: Array, views: Array, visible: NDArray[np.bool_] | None
+) -> Array:
+    """As `integrate`, with a view for each pixel (pixels, 3), and which texels it sees (pixels, texels) or all."""
+    emission = (light.radiance * light.solid_angles()[..., None]).reshape(-1, 3)
+    shining = emission.any(axis=-1)
+    seen = np.ones((1, np.count_nonzero(shining)), bool) if visible is None else visible[:, shining]
+    table = np.zeros((CELLS, 3))
+    _gather_seen(
+        np.ascontiguousarray(normals),
+        np.ascontiguousarray(views),
+        np.ascontiguousarray(seen),
+        light.directions().reshape(-1, 3)[shining],
+        emission[shining],
+        table,
+    )
+    return np.ascontiguousarray(table.T).reshape(3, *SHAPE) / len(normals)
+
+
+@compiled.entry()
+def _gather_seen(
+    normals: Array, views: Array, seen: NDArray[np.bool_], directions: Array, emission: Array, table: Array
+) -> None:
+    """As `_gather`; `seen` (1 or pixels, texels)."""
+    for p in range(normals.shape[0]):
+        normal, view, sees = normals[p], views[p], seen[p % seen.shape[0]]
+        for t in range(directions.shape[0]):
+            w_i = directions[t]
+            cos_i = normal[0] * w_i[0] + normal[1] * w_i[1] + normal[2] * w_i[2]
+            if cos_i <= 0.0 or not sees[t]:
+                continue
+            cell = cell_of(normal, w_i, view, cos_i)
+            table[cell, 0] += emission[t, 0] * cos_i
+            table[cell, 1] += emission[t, 1] * cos_i
+            table[cell, 2] += emission[t, 2] * cos_i
+
+
 @njit
 def _cell_seen(nx: float, ny: float, nz: float, cos_i: float, frame: Array, cos_diff: float, diff_bin: int) -> int:
     """The cell in which a pixel of normal (nx, ny, nz) sees a texel, given the texel's share of `_half_frames`."""

@@ -5,13 +5,16 @@ from dataclasses import dataclass
 
 from fitters.errors import FittersError
 
+SPHERE = "sphere"
+"""The built-in geometry."""
+
 
 @dataclass(frozen=True)
 class Scene:
-    """A sphere under an environment map, seen by an orthographic camera; small, hashable, travels anywhere.
+    """A surface under an environment map, seen by a camera; small, hashable, travels anywhere.
 
-    The camera looks along -z with +y up, so that w_o = (0, 0, 1) at every pixel. Raises `FittersError` for
-    numbers out of range.
+    The built-in sphere's camera is orthographic and looks along -z with +y up, so that w_o = (0, 0, 1) at every
+    pixel. Raises `FittersError` for numbers out of range.
     """
 
     light: str = "studio"
@@ -19,13 +22,21 @@ class Scene:
     rotation: float = 0.0
     """Degrees by which the light turns about +y, right-handed: light behind the camera moves to its right."""
     resolution: int = 64
-    """Pixels across the image of the sphere, 1 to 1024."""
+    """Pixels across the image, 1 to 1024."""
     light_rows: int = 48
     """The map is resampled to `light_rows` x 2 `light_rows` texels, 2 to 1024."""
+    geometry: str = SPHERE
+    """`sphere`, or the path of a Mitsuba scene file (.xml) whose camera and shapes are taken, +y being up."""
+    shape: str | None = None
+    """Of a scene file: the id of the only shape that has the material; None for all."""
+    shadows: bool = True
+    """Of a scene file: whether its shapes hide the light from each other."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.light, str) or not self.light:
             raise FittersError(f"light: {self.light!r} is neither a built-in light nor the path of a map")
+        if not isinstance(self.geometry, str) or not self.geometry:
+            raise FittersError(f"geometry: {self.geometry!r} is neither {SPHERE} nor the path of a scene file")
         if not math.isfinite(self.rotation):
             raise FittersError(f"rotation: {self.rotation} is not an angle; give finite degrees")
         _check_count("resolution", self.resolution, 1, 1024)

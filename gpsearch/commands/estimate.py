@@ -40,7 +40,7 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
     click.echo(
         f"{configuration.name}: the configuration is valid\n"
         f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
-        f"  scene       {configuration.scene.light}: {cells}\n"
+        f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells}\n"
         f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a"
         f" generation, codebank of {bank}\n"
         f"  executor    {where}\n"

@@ -14,11 +14,13 @@ from fitters.expressions.catalogue import CATALOGUE
 from fitters.materials import builtin_names
 from fitters.materials.loading import READERS
 from fitters.scenes.lights import BUILT_IN
+from fitters.scenes.scene import SPHERE
 from gpsearch.configuration.fields import Surroundings, refuse_at
 from gpsearch.configuration.wording import listed, nearest, plain, shown
 
 BUILTIN = "builtin:"
 LIGHT_SUFFIXES = (".hdr", ".exr")
+SCENE_SUFFIXES = (".xml",)
 PEM_SUFFIXES = (".pem", ".crt", ".cer", ".key")
 """Usual ones; a file may be called otherwise."""
 LARGEST_PEM = 1_000_000
@@ -71,6 +73,13 @@ def check_light(reference: str, info: ValidationInfo) -> str:
     near = nearest(reference, BUILT_IN)
     hint = f"did you mean {near}?" if near else f"built-in lights are {listed(BUILT_IN)}"
     return _file(reference, LIGHT_SUFFIXES, info, hint)
+
+
+def check_geometry(reference: str, info: ValidationInfo) -> str:
+    """Validates a geometry: the built-in sphere, or a scene file that is there."""
+    if reference == SPHERE:
+        return reference
+    return _file(reference, SCENE_SUFFIXES, info, f"the built-in geometry is {SPHERE}")
 
 
 def pem_file(content: str) -> Callable[[str, ValidationInfo], str]:

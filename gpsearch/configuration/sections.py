@@ -9,12 +9,14 @@ from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fits import FitSettings
 from fitters.scenes import Scene
+from fitters.scenes.scene import SPHERE
 from gpsearch.configuration.fields import Number, Section, Whole, number, section, whole
 from gpsearch.configuration.references import (
     ALL,
     MAX_NODES,
     check_codebank,
     check_formula,
+    check_geometry,
     check_light,
     pem_file,
     resolve_formula,
@@ -39,11 +41,23 @@ class SceneSection(Section):
     rotation: Number = number(Scene.rotation)
     resolution: Whole = whole(Scene.resolution, 1, 1024)
     light_rows: Whole = whole(Scene.light_rows, 2, 1024)
+    geometry: Annotated[str, AfterValidator(check_geometry)] = Field(
+        Scene.geometry, description="sphere, or the path of a Mitsuba scene file .xml"
+    )
+    shape: str | None = Field(Scene.shape, min_length=1, description="the id of a shape in the file, or null")
+    shadows: bool = Field(Scene.shadows, strict=True, description="true or false")
+
+    @field_validator("shape", "shadows")
+    @classmethod
+    def _of_a_scene_file(cls, value: Any, info: ValidationInfo) -> Any:
+        if info.data.get("geometry") == SPHERE and value != getattr(Scene, str(info.field_name)):
+            raise ValueError(f"found {shown(value)}, which is for a scene file; remove it or name one as geometry")
+        return value
 
     @property
     def recipe(self) -> Scene:
-        """The scene; a relative path of its light counts from the configuration's folder."""
-        return Scene(self.light, self.rotation, self.resolution, self.light_rows)
+        """The scene; relative paths of its light and geometry count from the configuration's folder."""
+        return Scene(**self.model_dump())
 
 
 class LocalExecutor(Section):

@@ -43,12 +43,7 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
             "version": __version__,
             "config_sha256": configuration.sha256,
             "materials": list(materials),
-            "scene": {
-                "light": scene.light,
-                "rotation": scene.rotation,
-                "resolution": scene.resolution,
-                "light_rows": scene.light_rows,
-            },
+            "scene": scene.model_dump(),
             "metric": configuration.metric,
             "generations": generations,
             "candidates": candidates,

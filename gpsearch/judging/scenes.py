@@ -6,7 +6,9 @@ from pathlib import Path
 from fitters.rendering import ImageMap, image_map
 from fitters.scenes import LightTable, Scene, light_table
 from fitters.scenes.lights import BUILT_IN
+from fitters.scenes.scene import SPHERE
 from gpsearch.configuration import Configuration, load_configuration
+from gpsearch.configuration.references import resolve_path
 
 IMAGE_RESOLUTION = 96
 """Pixels across the pictures that models are judged in, unless the scene has more."""
@@ -16,7 +18,7 @@ YAML = (".yaml", ".yml")
 
 @dataclass(frozen=True)
 class NamedScene:
-    """A scene as a user calls it; a relative light counts from `base`."""
+    """A scene as a user calls it; relative paths of its light and geometry count from `base`."""
 
     name: str
     scene: Scene
@@ -24,12 +26,19 @@ class NamedScene:
 
     @property
     def anywhere(self) -> Scene:
-        """The scene, its light found from any folder."""
-        light = self.scene.light
-        return self.scene if light in BUILT_IN else replace(self.scene, light=str(self.base.absolute() / light))
+        """The scene, its files found from any folder."""
+        light, geometry = self.scene.light, self.scene.geometry
+        return replace(
+            self.scene,
+            light=light if light in BUILT_IN else self._whole(light),
+            geometry=geometry if geometry == SPHERE else self._whole(geometry),
+        )
+
+    def _whole(self, reference: str) -> str:
+        return str(resolve_path(reference, self.base.absolute()))
 
     def image(self) -> ImageMap:
-        """The image map, `IMAGE_RESOLUTION` pixels across or more. Raises `FittersError` for a bad light."""
+        """The image map, `IMAGE_RESOLUTION` pixels across or more. Raises `FittersError` for a bad file."""
         finer = max(self.scene.resolution, IMAGE_RESOLUTION)
         return image_map(replace(self.scene, resolution=finer), base=self.base)
 
@@ -51,4 +60,5 @@ def named_scene(text: str) -> NamedScene:
 def scene_of(configuration: Configuration) -> NamedScene:
     """The scene of a run."""
     recipe = configuration.scene.recipe
-    return NamedScene(Path(recipe.light).stem, recipe, configuration.folder)
+    files = [recipe.light] if recipe.geometry == SPHERE else [recipe.light, recipe.geometry]
+    return NamedScene(" on ".join(Path(file).stem for file in files), recipe, configuration.folder)

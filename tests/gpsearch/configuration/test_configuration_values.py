@@ -73,6 +73,12 @@ baselines: []
     assert (configuration.culling, configuration.baselines) == (0.05, ())
 
 
+def test_a_scene_file_may_be_looked_at_in_part(load, tmp_path):
+    (tmp_path / "room.xml").touch()
+    scene = load("scene: {geometry: room.xml, shape: lamp, shadows: false}").scene
+    assert scene.recipe == Scene(geometry="room.xml", shape="lamp", shadows=False)
+
+
 def test_baselines_are_formulas_and_reference_fits(load):
     names = (*CATALOGUE, *TABULATED)
     assert load(f"baselines: [{', '.join(names)}]").baselines == names

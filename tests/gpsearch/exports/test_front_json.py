@@ -81,7 +81,8 @@ def test_the_run_is_described(exported, folder):
     assert (run["name"], run["seed"], run["version"]) == ("small", 5, __version__)
     assert run["config_sha256"] == configuration(folder).sha256
     assert run["materials"] == ["metal", "fabric"]
-    assert run["scene"] == {"light": "studio", "rotation": 0.0, "resolution": 16, "light_rows": 8}
+    scene = {"light": "studio", "rotation": 0.0, "resolution": 16, "light_rows": 8}
+    assert run["scene"] == {**scene, "geometry": "sphere", "shape": None, "shadows": True}
     assert (run["generations"], run["candidates"], run["metric"]) == (8, 128, "light")
     assert [baseline["name"] for baseline in exported["baselines"]] == ["lambert", "bivariate", "ggx"]
 
