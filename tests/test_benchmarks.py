@@ -5,11 +5,23 @@ from dataclasses import replace
 
 import pytest
 
+from fitters.expressions.catalogue import CATALOGUE
 from fitters.factors import solving
 from fitters.fits import build_problem
 from fitters.materials import load_material
 from fitters.scenes import Scene
-from tests.benchmarks import baselines, evaluation, fitting, growth, quality, scaling, search, solvers, stopping
+from tests.benchmarks import (
+    baselines,
+    evaluation,
+    fitting,
+    growth,
+    quality,
+    scaling,
+    search,
+    solvers,
+    speed,
+    stopping,
+)
 from tests.benchmarks.engine import SEARCHES, SECTIONS
 from tests.benchmarks.problem import recipe
 
@@ -89,6 +101,13 @@ def test_solvers_are_compared(monkeypatch):
     table = solvers.table([load_material("builtin:metal")], None)
     assert [row[1] for row in table.rows] == ["joint", "awls"]
     assert table.rows[1][3] >= table.rows[0][3] == 1
+
+
+def test_evaluations_are_timed():
+    models = {name: speed.formula(CATALOGUE[name].expression) for name in ("ggx", "lambert")}
+    table = speed.table(models, count=500, rounds=2)
+    assert [row[:2] for row in table.rows] == [("ggx", 12), ("lambert", 3), (speed.CALL, None)]
+    assert all(row[2] > 0 and row[4] > 0 for row in table.rows)
 
 
 def test_every_section_is_tested():

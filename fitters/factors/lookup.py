@@ -1,4 +1,4 @@
-"""Values of the factor models at directions, compiled: the same nearest bins and linear G as in a fit."""
+"""Values of tables at directions, compiled: the same nearest bins and linear G as in a fit."""
 
 import math
 
@@ -14,6 +14,12 @@ _COS_LIMIT = math.cos(math.radians(89.0))
 def _lit(w_i, w_o):
     """Whether both directions lie above the horizon; a NaN in one is no direction and finds no table's entry."""
     return w_i[2] > 0.0 and w_o[2] > 0.0 and math.isfinite(w_i[0] + w_i[1] + w_o[0] + w_o[1])
+
+
+@njit(error_model="numpy")
+def _darken(values):
+    for c in range(3):
+        values[c] = 0.0
 
 
 @njit(error_model="numpy")
@@ -50,44 +56,76 @@ def _node(cosine):
     return node, min(degrees - node, 1.0)
 
 
+@njit(error_model="numpy")
+def microfacet_at(w_i, w_o, rho_d, rho_s, d, f, g, values):
+    """Eq. 3 at one pair of directions into values (3,).
+
+    Beyond 89 degrees, where nothing was fitted, G and the cosine are those at 89.
+    """
+    if not _lit(w_i, w_o):
+        _darken(values)
+        return
+    h, t, _, _, _ = _half_diff(w_i, w_o)
+    a, part_a = _node(w_i[2])
+    b, part_b = _node(w_o[2])
+    cosines = max(w_i[2], _COS_LIMIT) * max(w_o[2], _COS_LIMIT)
+    for c in range(3):
+        g_i = g[a, c] + part_a * (g[a + 1, c] - g[a, c])
+        g_o = g[b, c] + part_b * (g[b + 1, c] - g[b, c])
+        values[c] = rho_d[c] + rho_s[c] * d[h, c] * f[t, c] * g_i * g_o / cosines
+
+
+@njit(error_model="numpy")
+def naive_at(w_i, w_o, rho_d, rho_s, d, f, h, values):
+    """Eq. 4 at one pair of directions into values (3,)."""
+    if not _lit(w_i, w_o):
+        _darken(values)
+        return
+    k, t, x, y, z = _half_diff(w_i, w_o)
+    p = _phi_bin(w_i, x, y, z)
+    for c in range(3):
+        values[c] = rho_d[c] + rho_s[c] * d[k, c] * f[t, c] * h[p, c]
+
+
+@njit(error_model="numpy")
+def bivariate_at(w_i, w_o, table, values):
+    """Eq. 5 at one pair of directions into values (3,)."""
+    if not _lit(w_i, w_o):
+        _darken(values)
+        return
+    h, t, _, _, _ = _half_diff(w_i, w_o)
+    for c in range(3):
+        values[c] = table[h, t, c]
+
+
+@njit(error_model="numpy")
+def measured_at(w_i, w_o, table, values):
+    """The nearest cell of a table (3, 90, 90, 180) at one pair of directions into values (3,)."""
+    if not _lit(w_i, w_o):
+        _darken(values)
+        return
+    h, t, x, y, z = _half_diff(w_i, w_o)
+    p = _phi_bin(w_i, x, y, z)
+    for c in range(3):
+        values[c] = table[c, h, t, p]
+
+
 @compiled.entry(error_model="numpy")
 def microfacet(w_i, w_o, rho_d, rho_s, d, f, g, values):
-    """Eq. 3 into values (n, 3). Beyond 89 degrees, where nothing was fitted, G and the cosine are those at 89."""
+    """`microfacet_at` into values (n, 3)."""
     for j in range(len(w_i)):
-        if not _lit(w_i[j], w_o[j]):
-            values[j] = 0.0
-            continue
-        cos_i, cos_o = w_i[j, 2], w_o[j, 2]
-        h, t, _, _, _ = _half_diff(w_i[j], w_o[j])
-        a, part_a = _node(cos_i)
-        b, part_b = _node(cos_o)
-        cosines = max(cos_i, _COS_LIMIT) * max(cos_o, _COS_LIMIT)
-        for c in range(3):
-            g_i = g[a, c] + part_a * (g[a + 1, c] - g[a, c])
-            g_o = g[b, c] + part_b * (g[b + 1, c] - g[b, c])
-            values[j, c] = rho_d[c] + rho_s[c] * d[h, c] * f[t, c] * g_i * g_o / cosines
+        microfacet_at(w_i[j], w_o[j], rho_d, rho_s, d, f, g, values[j])
 
 
 @compiled.entry(error_model="numpy")
 def naive(w_i, w_o, rho_d, rho_s, d, f, h, values):
-    """Eq. 4 into values (n, 3)."""
+    """`naive_at` into values (n, 3)."""
     for j in range(len(w_i)):
-        if not _lit(w_i[j], w_o[j]):
-            values[j] = 0.0
-            continue
-        k, t, x, y, z = _half_diff(w_i[j], w_o[j])
-        p = _phi_bin(w_i[j], x, y, z)
-        for c in range(3):
-            values[j, c] = rho_d[c] + rho_s[c] * d[k, c] * f[t, c] * h[p, c]
+        naive_at(w_i[j], w_o[j], rho_d, rho_s, d, f, h, values[j])
 
 
 @compiled.entry(error_model="numpy")
 def bivariate(w_i, w_o, table, values):
-    """Eq. 5 into values (n, 3)."""
+    """`bivariate_at` into values (n, 3)."""
     for j in range(len(w_i)):
-        if not _lit(w_i[j], w_o[j]):
-            values[j] = 0.0
-            continue
-        h, t, _, _, _ = _half_diff(w_i[j], w_o[j])
-        for c in range(3):
-            values[j, c] = table[h, t, c]
+        bivariate_at(w_i[j], w_o[j], table, values[j])

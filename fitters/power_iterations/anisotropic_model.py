@@ -17,13 +17,13 @@ from fitters.models.directions import rows
 from fitters.models.model import Model
 from fitters.power_iterations.lookups import (
     QUARTER,
-    fresnel,
     half_vector,
     linear,
     lit,
     reflect,
     segment,
     stretched,
+    times_fresnel,
 )
 from fitters.power_iterations.slopes import Slopes, slopes, travelled
 from fitters.power_iterations.tables import checked
@@ -63,6 +63,12 @@ class AnisotropicMicrofacet(Model):
         """Q1: the share (a + 1,) of slopes in the columns before each."""
         share = np.concatenate([[0.0], np.cumsum(self._slopes.total)])
         return share / share[-1]
+
+    @cached_property
+    def tables(self) -> tuple[Array, ...]:
+        """What `evaluate_at` reads, in its order."""
+        density = self._slopes
+        return density.t, density.log_p, density.rate, self._area, self.fresnel, self.scale
 
     @property
     def theta_d(self) -> Array:
@@ -104,18 +110,8 @@ class AnisotropicMicrofacet(Model):
         return True
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
-        density, values = self._slopes, np.zeros((len(w_i), 3))
-        _evaluate(
-            rows(w_i),
-            rows(w_o),
-            density.t,
-            density.log_p,
-            density.rate,
-            self._area,
-            self.fresnel,
-            self.scale,
-            values,
-        )
+        values = np.empty((len(w_i), 3))
+        _evaluate(rows(w_i), rows(w_o), *self.tables, values)
         return values
 
     def sample(self, w_o: Array, u: Array) -> Array:
@@ -188,6 +184,35 @@ def _slope_measure(
     return ((1 - right) * at_a + right * at_b) / (scale[0] * scale[1])
 
 
+@njit(error_model="numpy")
+def evaluate_at(
+    w_i: Array,
+    w_o: Array,
+    t: Array,
+    log_p: Array,
+    rate: Array,
+    area: Array,
+    fresnel_table: Array,
+    scale: Array,
+    values: Array,
+) -> None:
+    """The model at one pair of directions into values (3,); `AnisotropicMicrofacet.tables` are its."""
+    for channel in range(3):
+        values[channel] = 0.0
+    if not lit(w_i, w_o):
+        return
+    cos_i, cos_o = w_i[2], w_o[2]
+    x, y, z, cos_d = half_vector(w_i, w_o)
+    ndf = _slope_measure(x, y, z, t, log_p, rate, scale, 4)
+    x_i, y_i, z_i, length_i = stretched(w_i, scale)
+    x_o, y_o, z_o, length_o = stretched(w_o, scale)
+    area_i = length_i * _area_at(x_i, y_i, z_i, area)
+    area_o = length_o * _area_at(x_o, y_o, z_o, area)
+    ideal = ndf / (4 * max(area_i * cos_o + area_o * cos_i - cos_i * cos_o, 1e-300))
+    if ideal < np.inf:
+        times_fresnel(ideal, fresnel_table, cos_d, 0.5, values)
+
+
 @compiled.entry(error_model="numpy")
 def _evaluate(
     w_i: Array,
@@ -201,19 +226,7 @@ def _evaluate(
     values: Array,
 ) -> None:
     for n in range(w_i.shape[0]):
-        if not lit(w_i[n], w_o[n]):
-            continue
-        cos_i, cos_o = w_i[n, 2], w_o[n, 2]
-        x, y, z, cos_d = half_vector(w_i[n], w_o[n])
-        ndf = _slope_measure(x, y, z, t, log_p, rate, scale, 4)
-        x_i, y_i, z_i, length_i = stretched(w_i[n], scale)
-        x_o, y_o, z_o, length_o = stretched(w_o[n], scale)
-        area_i = length_i * _area_at(x_i, y_i, z_i, area)
-        area_o = length_o * _area_at(x_o, y_o, z_o, area)
-        ideal = ndf / (4 * max(area_i * cos_o + area_o * cos_i - cos_i * cos_o, 1e-300))
-        if ideal < np.inf:
-            for channel in range(3):
-                values[n, channel] = ideal * fresnel(fresnel_table, channel, cos_d, 0.5)
+        evaluate_at(w_i[n], w_o[n], t, log_p, rate, area, fresnel_table, scale, values[n])
 
 
 @compiled.entry(error_model="numpy")

@@ -50,12 +50,16 @@ def linear(position: float, count: int) -> tuple[int, float]:
 
 
 @njit(error_model="numpy")
-def fresnel(table: Array, channel: int, cos_d: float, offset: float) -> float:
-    """F of a channel: `table` (n, 3), linear in theta_d, the first node at `offset` of the nodes' distance."""
+def times_fresnel(ideal: float, table: Array, cos_d: float, offset: float, values: Array) -> None:
+    """`ideal` times F of each channel into values (3,).
+
+    `table` (n, 3) is linear in theta_d, the first node at `offset` of the nodes' distance.
+    """
     count = table.shape[0]
     position = math.acos(cos_d) / QUARTER * (count - 1 + 2 * offset) - offset
     node, share = linear(position, count)
-    return (1 - share) * table[node, channel] + share * table[node + 1, channel]
+    for channel in range(3):
+        values[channel] = ideal * ((1 - share) * table[node, channel] + share * table[node + 1, channel])
 
 
 @njit(error_model="numpy")

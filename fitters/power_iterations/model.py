@@ -12,13 +12,13 @@ from fitters.models.directions import rows
 from fitters.models.model import Model
 from fitters.power_iterations.lookups import (
     QUARTER,
-    fresnel,
     half_vector,
     linear,
     lit,
     reflect,
     segment,
     stretched,
+    times_fresnel,
 )
 from fitters.power_iterations.slopes import Slopes, slopes, travelled
 from fitters.power_iterations.tables import checked
@@ -58,7 +58,8 @@ class TabulatedMicrofacet(Model):
         return slopes(self.theta[inner], self.p[inner] / density.total)
 
     @cached_property
-    def _tables(self) -> tuple[Array, ...]:
+    def tables(self) -> tuple[Array, ...]:
+        """What `evaluate_at` reads, in its order."""
         density = self._slopes
         return density.t, density.log_p, density.rate, self.p, self._area, self.fresnel, self.scale
 
@@ -112,8 +113,8 @@ class TabulatedMicrofacet(Model):
         return True
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
-        values = np.zeros((len(w_i), 3))
-        _evaluate(rows(w_i), rows(w_o), *self._tables, self.published, values)
+        values = np.empty((len(w_i), 3))
+        _evaluate(rows(w_i), rows(w_o), *self.tables, self.published, values)
         return values
 
     def sample(self, w_o: Array, u: Array) -> Array:
@@ -170,6 +171,41 @@ def _slope_pdf(s: float, t: Array, log_p: Array, rate: Array, p: Array, publishe
     return math.exp(log_p[k] + rate[k] * (at - t[k]))
 
 
+@njit(error_model="numpy")
+def evaluate_at(
+    w_i: Array,
+    w_o: Array,
+    t: Array,
+    log_p: Array,
+    rate: Array,
+    p: Array,
+    area: Array,
+    fresnel_table: Array,
+    scale: Array,
+    published: bool,
+    values: Array,
+) -> None:
+    """The model at one pair of directions into values (3,); `TabulatedMicrofacet.tables` are its."""
+    for channel in range(3):
+        values[channel] = 0.0
+    if not lit(w_i, w_o):
+        return
+    offset = 0.0 if published else 0.5
+    cos_i, cos_o = w_i[2], w_o[2]
+    x, y, z, cos_d = half_vector(w_i, w_o)
+    x_slope, y_slope = x / (z * scale[0]), y / (z * scale[1])
+    pdf = _slope_pdf(x_slope**2 + y_slope**2, t, log_p, rate, p, published)
+    ndf = pdf / (z**4 * scale[0] * scale[1])
+    _, _, z_i, length_i = stretched(w_i, scale)
+    _, _, z_o, length_o = stretched(w_o, scale)
+    area_i = length_i * projected_area(z_i, area, published)
+    area_o = length_o * projected_area(z_o, area, published)
+    # 4 cos_i cos_o / G with G1 = cos / sigma: eq. 2 without its divisions by what vanishes at grazing.
+    ideal = ndf / (4 * max(area_i * cos_o + area_o * cos_i - cos_i * cos_o, 1e-300))
+    if ideal < np.inf:
+        times_fresnel(ideal, fresnel_table, cos_d, offset, values)
+
+
 @compiled.entry(error_model="numpy")
 def _evaluate(
     w_i: Array,
@@ -184,24 +220,8 @@ def _evaluate(
     published: bool,
     values: Array,
 ) -> None:
-    offset = 0.0 if published else 0.5
     for n in range(w_i.shape[0]):
-        if not lit(w_i[n], w_o[n]):
-            continue
-        cos_i, cos_o = w_i[n, 2], w_o[n, 2]
-        x, y, z, cos_d = half_vector(w_i[n], w_o[n])
-        x_slope, y_slope = x / (z * scale[0]), y / (z * scale[1])
-        pdf = _slope_pdf(x_slope**2 + y_slope**2, t, log_p, rate, p, published)
-        ndf = pdf / (z**4 * scale[0] * scale[1])
-        _, _, z_i, length_i = stretched(w_i[n], scale)
-        _, _, z_o, length_o = stretched(w_o[n], scale)
-        area_i = length_i * projected_area(z_i, area, published)
-        area_o = length_o * projected_area(z_o, area, published)
-        # 4 cos_i cos_o / G with G1 = cos / sigma: eq. 2 without its divisions by what vanishes at grazing.
-        ideal = ndf / (4 * max(area_i * cos_o + area_o * cos_i - cos_i * cos_o, 1e-300))
-        if ideal < np.inf:
-            for channel in range(3):
-                values[n, channel] = ideal * fresnel(fresnel_table, channel, cos_d, offset)
+        evaluate_at(w_i[n], w_o[n], t, log_p, rate, p, area, fresnel_table, scale, published, values[n])
 
 
 @compiled.entry(error_model="numpy")

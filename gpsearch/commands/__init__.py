@@ -1,4 +1,4 @@
-"""The command line: `gpsearch launch | status | export | fit | materials`."""
+"""The command line: `gpsearch launch | status | export | chart | fit | materials`."""
 
 from gpsearch.commands.main import main
 

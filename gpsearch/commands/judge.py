@@ -1,7 +1,6 @@
 """`gpsearch judge RUN|MODEL`: accuracy cards, in numbers and pictures."""
 
 from collections.abc import Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +14,14 @@ from fitters.materials import Material, load_material
 from fitters.models import FormulaModel
 from fitters.models.saving import load as load_model
 from fitters.rendering.card import METRIC_NAMES
+from gpsearch.commands.described import described
 from gpsearch.commands.fit_baseline import fit_tabulated
 from gpsearch.commands.fit_formula import fit_formula
 from gpsearch.commands.fit_outcome import Request
 from gpsearch.commands.progress import counted
-from gpsearch.commands.runs import json_option, make_folder, open_run, print_json
+from gpsearch.commands.runs import json_option, make_folder, print_json
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
-from gpsearch.exports import front_json
 from gpsearch.judging import Contender, contenders
 from gpsearch.judging.cards import Judged, judged_json, protocols, shown
 from gpsearch.judging.contenders import materials_of
@@ -73,9 +72,7 @@ def judge(subject: str, materials: tuple[str, ...], scene: str | None, output: P
 def _of_run(
     run: Path, names: tuple[str, ...], scene: str | None
 ) -> tuple[list[Contender], Sequence[Material], NamedScene]:
-    store, configuration = open_run(run)
-    with closing(store):
-        exported = front_json(store, configuration)
+    exported, configuration = described(run)
     chosen = _chosen(materials_of(configuration), names, configuration)
     if not exported["front"] and not exported["baselines"]:
         raise GpsearchError(f"{run}: nothing has been found yet; let `gpsearch launch` go on, then judge")

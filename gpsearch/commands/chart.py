@@ -1,0 +1,82 @@
+"""`gpsearch chart RUN`: error against speed, fit time and size, of all that a run found and of its baselines."""
+
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+
+from fitters.fits.problem import CHANNELS
+from fitters.grid import CELLS
+from gpsearch.charts import Chart, chart_of, entry, timed_fits, timings, write_page, write_pictures, write_table
+from gpsearch.commands.described import described
+from gpsearch.commands.progress import counted
+from gpsearch.commands.runs import json_option, make_folder, print_json, run_argument
+from gpsearch.configuration import Configuration
+from gpsearch.errors import GpsearchError
+from gpsearch.judging import contenders
+from gpsearch.judging.contenders import materials_of
+
+FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")
+
+
+@click.command()
+@run_argument
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="A folder; that of the run by default.")
+@json_option
+def chart(run: Path, output: Path | None, as_json: bool) -> None:
+    """Charts every model of RUN: error against ns per evaluation, time of the fit, nodes and floats.
+
+    All are timed on this machine by one harness. Writes chart.png, chart.svg, chart.html and chart.csv.
+    """
+    exported, configuration = described(run)
+    if not exported["front"]:
+        raise GpsearchError(
+            f"{run}: its front is empty, the run was stopped before it had found anything; `gpsearch launch` with "
+            "its configuration goes on with it"
+        )
+    folder = output or run
+    make_folder(folder)
+    found = _measured(exported, configuration)
+    paths = {Path(name).suffix[1:]: folder / name for name in FILES}
+    write_pictures(found, (paths["png"], paths["svg"]))
+    write_page(found, paths["html"])
+    write_table(found, paths["csv"])
+    report = _report(found, paths)
+    if as_json:
+        print_json(report)
+    else:
+        click.echo(_text(found, paths))
+
+
+def _measured(exported: dict[str, Any], configuration: Configuration) -> Chart:
+    console = Console(stderr=True, markup=False, emoji=False, highlight=False)
+    with console.status("loading materials and tables"):
+        first = materials_of(configuration)[0]
+        competing = contenders(exported, [first])
+    with console.status("timing evaluations"):
+        incoherent, coherent, empty = timings(competing, first)
+    fits = timed_fits(configuration, competing)
+    seconds = dict(counted(fits, len(exported["front"]), "timing fits"))
+    return chart_of(exported["run"], competing, seconds, incoherent, coherent, empty, len(CHANNELS) * CELLS)
+
+
+def _report(found: Chart, paths: dict[str, Path]) -> dict[str, Any]:
+    return {
+        "run": found.run,
+        "metric": found.metric,
+        "materials": list(found.materials),
+        "empty_ns": round(found.empty.ns, 2),
+        "models": [entry(model) for model in found.models],
+        "files": {form: str(path) for form, path in paths.items()},
+    }
+
+
+def _text(found: Chart, paths: dict[str, Path]) -> str:
+    """What no other model beats in error, speed and floats, and where the files are."""
+    lines = ["no other model is better in error, time of an evaluation and floats at once:"]
+    for model in sorted((m for m in found.models if m.unbeaten_together), key=lambda m: m.ns or 0.0):
+        lines.append(f"  {model.title:32s} error {model.error:.4f}  {model.ns:7.1f} ns  {model.floats:9,d} floats")
+    lines.append(f"an empty call takes {found.empty.ns:.1f} ns, which is in every figure")
+    lines += [f"could not be fitted: {model.title}" for model in found.unfitted]
+    return "\n".join([*lines, *(f"{form}: {path}" for form, path in paths.items())])

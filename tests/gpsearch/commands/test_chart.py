@@ -1,0 +1,74 @@
+"""`gpsearch chart`: on a small run, from the command to its files."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from fitters.expressions import parse
+from fitters.speed import coherent, incoherent
+from gpsearch.charts import measuring
+from gpsearch.exports import front_json
+from gpsearch.front import Store
+from tests.gpsearch.charts.test_charts import traces
+from tests.gpsearch.small import gpsearch, run_search, small
+
+FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("chart")
+    configuration = small(folder, budget={"generations": 2}, baselines=["lambert", "bivariate"])
+    run_search(folder / "run", configuration).close()
+    Store.create(folder / "empty", configuration.text()).close()
+    return folder
+
+
+def test_a_run_is_charted(folder, monkeypatch):
+    monkeypatch.setattr(measuring, "incoherent", lambda: incoherent(20_000))
+    monkeypatch.setattr(measuring, "coherent", lambda: coherent(20_000))
+    result = gpsearch("chart", "run", "-o", "out/charts", "--json", cwd=folder)
+    assert result.returncode == 0, result.stderr
+    report = json.loads(result.stdout)
+    charts = folder / "out" / "charts"
+    assert sorted(path.name for path in charts.iterdir()) == sorted(FILES)
+    assert all((charts / name).stat().st_size > 500 for name in FILES)
+
+    store = Store.open(folder / "run")
+    exported = front_json(store, small(folder, baselines=["lambert", "bivariate"]))
+    store.close()
+    expected = {member["id"]: member for member in exported["front"]}
+    expected |= {baseline["name"]: baseline for baseline in exported["baselines"]}
+    with (charts / "chart.csv").open(newline="") as file:
+        rows = {row["name"]: row for row in csv.DictReader(file)}
+    assert list(rows) == [*expected, "measured"] == [model["name"] for model in report["models"]]
+    for name, entry in expected.items():
+        row = rows[name]
+        assert float(row["error"]) == entry["error"]
+        assert row["expression"] == entry.get("expression", "")
+        assert int(row["floats"]) == entry.get("floats", 3 * len(parse(row["expression"] or "1").parameters))
+        assert float(row["ns"]) > report["empty_ns"] > 0
+        assert float(row["fit_seconds"]) > 0
+    measured = rows["measured"]
+    assert (measured["error"], measured["floats"], measured["non_dominated"]) == ("0.0", "4374000", "True")
+
+    formulas = {about[2] for trace in traces(charts / "chart.html") for about in trace.get("customdata") or []}
+    assert formulas == {entry.get("expression", "") for entry in expected.values()} | {""}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere",), "nowhere: no run here"),
+        (("empty",), "empty: its front is empty, the run was stopped before"),
+        (("run", "-o", "run/run.sqlite"), "run/run.sqlite: cannot be made"),
+        (("run", "-o", "run/run.sqlite/charts"), "choose another -o"),
+    ],
+)
+def test_bad_input_is_one_message_and_exit_status_2(folder, arguments, words):
+    result = gpsearch("chart", *arguments, cwd=folder)
+    assert (result.returncode, result.stdout) == (2, "")
+    assert words in result.stderr
+    assert "Traceback" not in result.stderr
