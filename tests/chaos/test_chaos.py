@@ -1,11 +1,11 @@
 """The same front, whatever happens: real processes are killed at random moments, which are printed.
 
-`pytest tests/chaos` takes a few minutes; `--chaos N` makes N rounds of it, `--chaos-seed S` repeats the moments.
+`pytest tests/chaos` takes a minute or two: the storm and two more of the blows, drawn anew each time. `--chaos N`
+makes N rounds of all of them, `--chaos-seed S` repeats draw and moments.
 """
 
 from __future__ import annotations
 
-import os
 import random
 import shutil
 import signal
@@ -20,6 +20,7 @@ import pytest
 import fitters.cache
 from gpsearch.front import Store
 from tests.chaos.actors import Cluster, Launcher
+from tests.chaos.share import seed_of
 from tests.chaos.tally import TALLY
 from tests.gpsearch.small import small_text, without_times
 
@@ -52,10 +53,8 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "chance" in metafunc.fixturenames:
-        config = metafunc.config
-        seed = config.getoption("--chaos-seed")
-        first = int.from_bytes(os.urandom(3), "big") if seed is None else seed
-        metafunc.parametrize("chance", [first + i for i in range(config.getoption("--chaos"))], indirect=True)
+        first, rounds = seed_of(metafunc.config), max(metafunc.config.getoption("--chaos"), 1)
+        metafunc.parametrize("chance", [first + i for i in range(rounds)], indirect=True)
 
 
 @pytest.fixture
