@@ -8,6 +8,7 @@ import click
 from fitters.errors import FittersError
 from gpsearch import __version__
 from gpsearch.commands.chart import chart
+from gpsearch.commands.chart_search import chart_search
 from gpsearch.commands.export import export
 from gpsearch.commands.fit import fit
 from gpsearch.commands.judge import judge
@@ -25,7 +26,7 @@ def commands() -> None:
     """Finds the smallest, fastest analytic BRDF that reproduces measured materials in a scene."""
 
 
-for command in (launch, status, export, judge, chart, fit, materials):
+for command in (launch, status, export, judge, chart, chart_search, fit, materials):
     commands.add_command(command)
 
 

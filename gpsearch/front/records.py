@@ -133,3 +133,13 @@ def read_baseline(stored: dict[str, Any]) -> Baseline:
         return FormulaBaseline(read_description(stored["description"]), stored["fit_seconds"])
     errors = {metric: tuple(values) for metric, values in stored["errors"].items()}
     return TabulatedBaseline(**(stored | {"errors": errors, "warnings": tuple(stored["warnings"])}))
+
+
+def read_stages(text: str) -> dict[str, Any]:
+    """The fields of a generation that have no column of their own."""
+    stored = json.loads(text)
+    # Stores made before it was noted when something came to the front hold the stages alone.
+    if "stages" not in stored:
+        return {"stages": stored}
+    arrived = tuple((nodes, error) for nodes, error in stored["arrived"])
+    return {"stages": stored["stages"], "at": stored["at"], "arrived": arrived}

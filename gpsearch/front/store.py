@@ -11,7 +11,7 @@ import sqlite3
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,7 @@ from gpsearch.front.records import (
     read_description,
     read_individual,
     read_member,
+    read_stages,
 )
 
 SCHEMA_VERSION = 3
@@ -106,6 +107,8 @@ class Generation:
     confirmed:  fitted on all cells
     best:       smallest error of the population, on the small sample
     seconds:    of wall time, split in `stages`; islands share them
+    at:         for how long the run had searched when this was stored; None where an earlier version stored it
+    arrived:    (nodes, error) of what it has brought to the front, as far as the island knew that
     """
 
     island: int
@@ -117,6 +120,8 @@ class Generation:
     best: float
     seconds: float
     stages: dict[str, float]
+    at: float | None = None
+    arrived: tuple[tuple[int, float], ...] = ()
 
 
 class Store:
@@ -366,16 +371,15 @@ class Store:
     # history
 
     def save_generation(self, row: Generation) -> None:
-        values = (*astuple(row)[:-1], json.dumps(row.stages))
+        *values, stages, at, arrived = astuple(row)
+        values.append(json.dumps({"stages": stages, "at": at, "arrived": arrived}))
         marks = ", ".join("?" * len(values))
         self._connection.execute(f"INSERT INTO generations VALUES ({marks})", values)
 
     def generations(self) -> list[Generation]:
         """The history by generation, then island."""
         rows = self._connection.execute("SELECT * FROM generations ORDER BY generation, island")
-        names = [field.name for field in fields(Generation)]
-        found = [dict(zip(names, row, strict=True)) for row in rows]
-        return [Generation(**(row | {"stages": json.loads(row["stages"])})) for row in found]
+        return [Generation(*columns, **read_stages(stages)) for *columns, stages in rows]
 
     def totals(self) -> tuple[int, int, int]:
         """Generations that all islands have, candidates, and candidates fitted (the rest were known) so far."""

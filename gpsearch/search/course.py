@@ -84,13 +84,15 @@ class Course:
         after = survive(self.island, brood, errors)
         sizes = {key: entrant.nodes for key, entrant in new.items()}
         forms = {child.expression: child.canonical for child in brood}
+        front = self.memory.front.updated(confirmed)
+        seconds = self.seconds()
         with self.store.transaction():
             with clock.stage("storing"):
                 self._save_fits()
                 self.store.save_seen(sizes, self.island.number, self.under_way)
                 self.store.save_confirmed(confirmed, self.island.number, self.under_way)
                 self.store.save_islands([after])
-                self.store.save_seconds(self.seconds())
+                self.store.save_seconds(seconds)
             row = Generation(
                 island=self.island.number,
                 generation=after.generation,
@@ -101,6 +103,8 @@ class Course:
                 best=min(individual.error for individual in after.population),
                 seconds=clock.total,
                 stages=clock.seconds,
+                at=seconds,
+                arrived=tuple((m.nodes, m.error) for m in front.members if m in confirmed),
             )
             self.store.save_generation(row)
         self.island = after
