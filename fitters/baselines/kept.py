@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fitters import cache, factors, power_iterations
+from fitters import cache, factors, materials, power_iterations
 from fitters.baselines.fitted import Fitted
 from fitters.baselines.names import KINDS, fit_baseline
 from fitters.materials import Material
@@ -41,6 +41,6 @@ def _fitted(stored: dict[str, Any]) -> Fitted:
 
 @once
 def _code() -> str:
-    """A content hash of what fits: a mended fit is not answered with what was found before."""
-    folders = [Path(package.__path__[0]) for package in (factors, power_iterations)]
+    """A content hash of what reads and fits: a mended fit is not answered with what was found before."""
+    folders = [Path(package.__path__[0]) for package in (materials, factors, power_iterations)]
     return cache.digest(*(path.read_bytes() for folder in folders for path in sorted(folder.glob("*.py"))))

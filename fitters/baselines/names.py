@@ -80,7 +80,8 @@ def fit_baseline(name: str, material: Material, *, solver: Solver | None = None)
         raise FittersError(f"{name} has one way of being fitted: a solver is chosen for {', '.join(FACTORS)} only")
     # With more threads, BLAS adds up in another order, and the same fit ends in other last bits.
     with threadpool_limits(1, "blas"):
-        return TABULATED[name](material) if solver is None else _solved(name, solver, material)
+        fitted = TABULATED[name](material) if solver is None else _solved(name, solver, material)
+    return replace(fitted, warnings=(*material.doubts, *fitted.warnings))
 
 
 def warm_up(names: Iterable[str]) -> None:

@@ -10,10 +10,20 @@ from fitters.engine.coordinates import Coordinates
 from fitters.engine.machine import kernel_address
 from fitters.engine.multistart import Descent, add_squares, fit_targets, polish_targets, state_targets
 from fitters.engine.objective import MACHINE
-from fitters.engine.program import lower
+from fitters.engine.program import Program, lower
 from fitters.engine.projection import BLOCK
 from fitters.expressions.expression import Expression
 from fitters.grid import Array
+
+
+def linear_units(program: Program, units: Array | None) -> Array | None:
+    """The units (targets,) of a program's linear parameters; None where they are 1 or it has an offset, too."""
+    return None if units is None or not program.linear or program.outputs[0] >= 0 else units
+
+
+def in_units(weights: NDArray[np.float32], units: Array) -> NDArray[np.float32]:
+    """Weights (targets, n) of values that are given in units (targets,)."""
+    return np.ascontiguousarray(weights * units[:, None], np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +49,8 @@ class Prepared:
 
     features: each (n,) float64; weights and weighted (weights times measured values): (targets, n) float32,
     contiguous; coarse: such a pair (targets, m) for the first m cells alone, by default the same as for all;
-    bounds: an interval per parameter, searched in the logarithm where it is positive.
+    bounds: an interval per parameter, searched in the logarithm where it is positive; units: (targets,) of linear
+    parameters where the expression has nothing else, so that their bounds count in them.
     """
 
     def __init__(
@@ -50,8 +61,13 @@ class Prepared:
         weighted: NDArray[np.float32],
         bounds: Mapping[str, tuple[float, float]],
         coarse: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None,
+        units: Array | None = None,
     ) -> None:
         self.program = program = lower(expression)
+        self.units = linear_units(program, units)
+        if self.units is not None:
+            weights = in_units(weights, self.units)
+            coarse = None if coarse is None else (in_units(coarse[0], self.units), coarse[1])
         self.space = Coordinates(program, bounds)
         self._kept: list[NDArray] = [weights, weighted]
         self.machine = self._record(features, weights, weighted)
@@ -98,7 +114,8 @@ class Prepared:
 
     def parameters(self, found: "Optima") -> dict[str, Array]:
         """Parameters, each (targets,), of optima; in order of number."""
-        return self.space.parameters(np.concatenate([found.x, found.c], axis=1))
+        c = found.c if self.units is None else found.c * self.units[:, None]
+        return self.space.parameters(np.concatenate([found.x, c], axis=1))
 
     def _record(self, features: dict[str, Array], weights: NDArray, weighted: NDArray) -> np.void:
         program, n = self.program, weights.shape[1]

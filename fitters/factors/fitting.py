@@ -11,7 +11,7 @@ import numpy as np
 from fitters.errors import FittersError
 from fitters.factors import solving
 from fitters.factors.alternation import Mask, Sums, azimuthal_sums, filled
-from fitters.factors.channel import Channel
+from fitters.factors.channel import Channel, seen
 from fitters.factors.descent import NEGLIGIBLE
 from fitters.factors.samples import NODES, Samples, samples
 from fitters.factors.solving import Solved
@@ -26,6 +26,9 @@ from fitters.models import Model
 Solver = Literal["joint", "awls"]
 PerChannel = tuple[float, float, float]
 T = TypeVar("T")
+
+GAPS = 5
+"""So many components of a factor may be without a sample unsaid; the outermost often are."""
 
 SPREAD = 0.01
 """Starts that end further apart than this share of the objective are reported."""
@@ -81,20 +84,20 @@ def fit_independent_g(
     if only is not None:
         chosen = {name: chosen[name] for name in only}
     if solver == "awls":
-        return _fit(material, False, chosen, solving.alternate_independent_g, MicrofacetFactors)
-    return _fit(material, True, chosen, solving.descend_independent_g, MicrofacetFactors)
+        return fit_from_starts(material, False, chosen, solving.alternate_independent_g, MicrofacetFactors)
+    return fit_from_starts(material, True, chosen, solving.descend_independent_g, MicrofacetFactors)
 
 
 def fit_g_from_d(material: Material, *, solver: Solver = "joint") -> FactorFit:
     """Eq. 3 with Smith's G of D (section 4.3), from one start: it is stable (section 5)."""
     solve = solving.alternate_g_from_d if solver == "awls" else solving.descend_g_from_d
-    return _fit(material, True, {"slices": slices}, solve, SmithFactors)
+    return fit_from_starts(material, True, {"slices": slices}, solve, SmithFactors)
 
 
 def fit_naive(material: Material, *, solver: Solver = "joint") -> FactorFit:
     """The naive model (eq. 4)."""
     solve = solving.alternate_naive if solver == "awls" else solving.descend_naive
-    return _fit(material, False, {"slices": slices}, solve, NaiveFactors)
+    return fit_from_starts(material, False, {"slices": slices}, solve, NaiveFactors)
 
 
 def fit_bivariate(material: Material) -> FactorFit:
@@ -131,13 +134,14 @@ def _loaded(solve: Callable[[Samples, Channel], object], folded: bool) -> None:
     solve(channel, slices(channel))
 
 
-def _fit(
+def fit_from_starts(
     material: Material,
     folded: bool,
     chosen: Mapping[str, Start],
     solve: Callable[[Samples, Channel], Solved],
     table: type[MicrofacetFactors] | type[NaiveFactors],
 ) -> FactorFit:
+    """Every channel solved from every start, the best kept. Raises `FittersError` where there is no sample."""
     _loaded(solve, folded)
     began = time.perf_counter()
     channels = samples(material, folded=folded)
@@ -146,7 +150,9 @@ def _fit(
     reports = []
     for name, start in chosen.items():
         started = time.perf_counter()
-        ends = [_solved(solve, start, channel) for channel in channels]
+        ends = [
+            _solved(solve, start, channel, SHAPE[2] if table is NaiveFactors else NODES) for channel in channels
+        ]
         best = [min(pair, key=lambda end: end.objective) for pair in zip(best or ends, ends, strict=True)]
         reports.append(
             StartReport(
@@ -161,17 +167,17 @@ def _fit(
     model = _tables(table, [end.channel for end in best])
     model.fit_seconds = time.perf_counter() - began
     fit = FactorFit(model, _per_channel([end.objective for end in best]), tuple(reports), ())
-    return replace(fit, warnings=_about_zeros(channels) + _warnings(fit))
+    gaps = _about_gaps(channels, table is NaiveFactors)
+    return replace(fit, warnings=_about_zeros(channels) + gaps + _warnings(fit))
 
 
-def _solved(solve: Callable[[Samples, Channel], Solved], start: Start, channel: Samples) -> Solved:
+def _solved(solve: Callable[[Samples, Channel], Solved], start: Start, channel: Samples, last: int) -> Solved:
     """A channel's factors from a start; what is black has no factors to be found."""
     if channel.square > 0:
         found = solve(channel, start(channel))
         exact = found.objective <= NEGLIGIBLE * channel.square
         return replace(found, objective=0.0) if exact else found
-    azimuths = NODES if solve not in (solving.descend_naive, solving.alternate_naive) else SHAPE[2]
-    return Solved(Channel(0.0, 0.0, np.ones(90), np.ones(90), np.ones(azimuths)), 0.0, 0, 0, True)
+    return Solved(Channel(0.0, 0.0, np.ones(90), np.ones(90), np.ones(last)), 0.0, 0, 0, True)
 
 
 def _about_zeros(channels: list[Samples]) -> tuple[str, ...]:
@@ -180,6 +186,15 @@ def _about_zeros(channels: list[Samples]) -> tuple[str, ...]:
         for name, channel in zip(CHANNELS, channels, strict=True)
         if channel.mostly_zero
     )
+
+
+def _about_gaps(channels: list[Samples], by_azimuth: bool) -> tuple[str, ...]:
+    """Of components that no sample sees: they follow their neighbours."""
+    has = seen(channels[0], by_azimuth=by_azimuth)
+    parts = {"D": has.d, "F": has.f, "H" if by_azimuth else "G": has.g}
+    blind = {name: int(np.count_nonzero(~mask)) for name, mask in parts.items()}
+    named = [f"{count} of {len(parts[name])} of {name}" for name, count in blind.items() if count > GAPS]
+    return (f"no sample sees {', '.join(named)}: extrapolated from the others",) if named else ()
 
 
 def _tables(table: type[MicrofacetFactors] | type[NaiveFactors], channels: list[Channel]) -> Model:

@@ -111,19 +111,21 @@ def fit(
     settings: FitSettings | None = None,
     near: Columns | None = None,
     bar: float = np.inf,
+    shift: int = 0,
 ) -> Fit:
     """The fit of an expression over the cells, by Nelder-Mead over what is not linear in it (genBRDF, 3.6).
 
     near: parameters, each (targets,), from which every target may descend once more; they are a gift: what is
           found without them depends on the expression alone, and they can only lower it
     bar:  an error; a fit that will not come near it is given up, see `HOPELESS`
+    shift: another number has other starts, for whoever asks how much they matter
 
     Raises `FittersError` where a parameter of the expression has no bounds. Never raises for a formula that is
     not finite: its error is infinite.
     """
     settings = settings or FitSettings()
     problem = _prepared(expression, cells, bounds)
-    starts = _starts(expression, problem.box, settings.starts)
+    starts = _starts(expression, problem.box, settings.starts, shift)
     warm = np.empty((0, problem.searched)) if near is None else problem.coordinates(near)
     limits = (metric.squares(factor * bar, len(cells.weights)) for factor in (HOPELESS, POOR))
     found = problem.fit(starts, warm, settings.descent(problem.searched, *limits))
@@ -158,7 +160,7 @@ def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
     if missing:
         raise FittersError(f"no bounds for {', '.join(missing)} of {to_text(expression)}")
     coarse = None if cells.coarse is None else (cells.coarse.weights, cells.coarse.targets)
-    return Prepared(expression, cells.features, cells.weights, cells.targets, bounds, coarse)
+    return Prepared(expression, cells.features, cells.weights, cells.targets, bounds, coarse, cells.units)
 
 
 def _stated(problem: Prepared, metric: Metric, found: Optima) -> Fit:
@@ -200,14 +202,14 @@ def _standard_error(squares: Array, cells: Cells, error: float) -> float:
     return 0.5 * error * np.sqrt(variance) / total
 
 
-def _starts(expression: Expression, box: Array, count: int) -> Array:
+def _starts(expression: Expression, box: Array, count: int, shift: int) -> Array:
     """Start coordinates (count, d) in a box (2, d): an even sequence, its offset seeded by the expression."""
     low, high = box
     d = len(low)
     if d == 0:
         return np.zeros((1, 0))
     seed = int.from_bytes(hashlib.sha256(to_text(expression).encode()).digest()[:8], "little")
-    points = _recurrence(count, d) + np.random.default_rng(seed).random(d)
+    points = _recurrence(count, d) + np.random.default_rng(seed + shift).random(d)
     points -= np.floor(points)
     for i, (least, largest) in enumerate(RANGES):
         # Coordinates are logarithms where the parameter is bounded away from zero from below.

@@ -5,6 +5,7 @@ Levenberg and Marquardt where they must be, go to the end. Derivatives by linear
 computes anyway, those by the others are differences.
 """
 
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from fitters.engine.coordinates import Coordinates
 from fitters.engine.double import Double
+from fitters.engine.prepared import linear_units
 from fitters.engine.program import lower
 from fitters.expressions import Expression
 from fitters.fits.fit import Bounds, Fit
@@ -35,28 +37,51 @@ def polish(expression: Expression, cells: Cells, metric: Metric, bounds: Bounds,
 
     Errors are those of the program in float64. A target without a finite fit stays as it is.
     """
-    program = lower(expression)
-    engine, coordinates = Double(program, cells.features), Coordinates(program, bounds)
     values, errors = found.values.copy(), found.errors.copy()
-    for target in range(len(values)):
-        parameters = found.parameters(target)
-        problem = _Target(engine, coordinates, cells.weights[target], cells.targets[target])
-        z, squares = problem.descend(coordinates.of(parameters))
+    for target, problem in enumerate(targets_of(expression, cells, bounds)):
+        z, squares = problem.descend(problem.place(found.parameters(target)))
         if np.isfinite(squares):
-            named = coordinates.parameters(z)
+            named = problem.parameters(z)
             values[target] = [named[name] for name in found.names]
             errors[target] = np.sqrt(squares)
     return replace(found, values=values, errors=errors, error=metric.combine(errors))
 
 
-class _Target:
+def targets_of(expression: Expression, cells: Cells, bounds: Bounds) -> Iterator["Target"]:
+    """The problem of every target of some cells, one after the other."""
+    program = lower(expression)
+    engine, coordinates = Double(program, cells.features), Coordinates(program, bounds)
+    units = linear_units(program, cells.units)
+    for target, (weights, targets) in enumerate(zip(cells.weights, cells.targets, strict=True)):
+        unit = 1.0 if units is None else float(units[target])
+        yield Target(engine, coordinates, weights, targets, unit)
+
+
+class Target:
     """One target's sum of squares in coordinates z: those of the searched parameters, then the linear ones."""
 
     def __init__(
-        self, engine: Double, coordinates: Coordinates, weights: NDArray[np.float32], targets: NDArray[np.float32]
+        self,
+        engine: Double,
+        coordinates: Coordinates,
+        weights: NDArray[np.float32],
+        targets: NDArray[np.float32],
+        unit: float = 1.0,
     ) -> None:
-        self.engine, self.coordinates = engine, coordinates
-        self.weights, self.targets = weights.astype(np.float64), targets.astype(np.float64)
+        self.engine, self.coordinates, self.unit = engine, coordinates, unit
+        self.weights, self.targets = weights.astype(np.float64) * unit, targets.astype(np.float64)
+
+    def place(self, parameters: Mapping[str, float]) -> Array:
+        """The coordinates of parameters by name."""
+        linear = self.coordinates.names[self.coordinates.searched :]
+        return self.coordinates.of(
+            {name: value / self.unit if name in linear else value for name, value in parameters.items()}
+        )
+
+    def parameters(self, z: Array) -> dict[str, Array]:
+        """What `place` makes coordinates of."""
+        scale = np.where(np.arange(len(z)) < self.coordinates.searched, 1.0, self.unit)
+        return self.coordinates.parameters(z * scale)
 
     def descend(self, z: Array) -> tuple[Array, float]:
         """The best coordinates from z and their sum of squares; infinite where that is not finite."""

@@ -28,6 +28,10 @@ COARSE = 4
 
 CHANNELS = ("red", "green", "blue")
 
+ORDINARY = (1e-4, 1e4)
+"""Levels of a measurement, sr^-1, for which bounds of parameters are meant. Others are in other units: there the
+bounds of what a formula is linear in count in these, so that its fit does not depend on the units."""
+
 
 @dataclass(frozen=True, eq=False)
 class Coarse:
@@ -48,6 +52,7 @@ class Cells:
     targets:  (targets, n) float32, weights times measured value
     draws:    (n,) how often each was drawn; None where these are all cells
     coarse:   where the search for the right valley may begin; None where it must use all
+    units:    (targets,) sr^-1 in which the bounds of linear parameters count; None for 1
 
     so that a target's error is || weights f - targets ||.
     """
@@ -58,6 +63,7 @@ class Cells:
     targets: NDArray[np.float32]
     draws: NDArray[np.int64] | None = None
     coarse: Coarse | None = None
+    units: Array | None = None
 
     def __len__(self) -> int:
         return len(self.index)
@@ -82,6 +88,7 @@ class Cells:
                 np.ascontiguousarray(weights[:, :m] * coarse_root),
                 np.ascontiguousarray(targets[:, :m] * coarse_root),
             ),
+            units=self.units,
         )
 
 
@@ -162,7 +169,21 @@ def full_cells(source: Source, metric: Metric) -> Cells:
     for target in range(count):
         weights[target], targets[target] = weighted_target(source, metric, target)
     w_i, w_o = cell_directions()
-    return Cells(source.index, features(w_i[source.index], w_o[source.index]), weights, targets)
+    seen = features(w_i[source.index], w_o[source.index])
+    return Cells(source.index, seen, weights, targets, units=_units(source))
+
+
+def _units(source: Source) -> Array | None:
+    """Per target a power of ten near its level, the mean of m under T, where that is no reflectance in sr^-1."""
+    levels = np.ones(len(CHANNELS) * len(source.materials))
+    for target in range(len(levels)):
+        material, channel = source.materials[target // len(CHANNELS)], target % len(CHANNELS)
+        light = source.light.table[channel].ravel()[source.index].astype(np.float64)
+        measured = light * material.table[channel].ravel()[source.index]
+        if light.any() and measured.any():
+            levels[target] = np.sum(measured) / np.sum(light)
+    units = np.where((levels >= ORDINARY[0]) & (levels <= ORDINARY[1]), 1.0, 10.0 ** np.round(np.log10(levels)))
+    return None if np.all(units == 1.0) else units
 
 
 def weighted_target(source: Source, metric: Metric, target: int) -> tuple[Array, Array]:

@@ -16,6 +16,7 @@ from fitters.fits.fit import Bounds, Columns, Fit, FitSettings, fit, refit
 from fitters.fits.metrics import METRICS
 from fitters.fits.polish import polish
 from fitters.fits.problem import FitProblem
+from fitters.fits.warnings import warnings_of
 
 PROBE_EVALUATIONS = 10
 """Per searched parameter, of the descent that decides whether a candidate is fitted thoroughly."""
@@ -73,12 +74,16 @@ class Confirmed:
 
 @dataclass(frozen=True)
 class Description:
-    """All that is reported of a front member or baseline. `metrics` holds its error by every metric."""
+    """All that is reported of a front member or baseline. `metrics` holds its error by every metric.
+
+    `warnings` are sentences that say where the fit is not to be relied on, see `fitters.fits.warnings`.
+    """
 
     fit: Fit
     metrics: dict[str, float]
     checks: Checks
     cost_ns: float
+    warnings: tuple[str, ...] = ()
 
 
 def screen(
@@ -129,4 +134,5 @@ def describe(problem: FitProblem, task: DescriptionJob) -> Description:
         metrics={name: METRICS[name].combine(values) for name, values in exact.by_metric.items()},
         checks=check(expression, found, exact.minimum),
         cost_ns=cost_ns(expression),
+        warnings=warnings_of(expression, problem, job.intervals, job.settings, found),
     )

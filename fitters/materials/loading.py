@@ -8,6 +8,7 @@ from fitters.errors import FittersError
 from fitters.materials import merl, rgl, synthetic, utia
 from fitters.materials.material import Material
 from fitters.materials.material_file import MaterialFile, read_file
+from fitters.materials.outliers import without_outliers
 from fitters.materials.utia import AnisotropicMaterial
 
 READERS: Mapping[str, Callable[[MaterialFile], Material]] = {".binary": merl.load, ".bsdf": rgl.load}
@@ -18,7 +19,8 @@ def load_material(reference: str | Path, *, base: Path | None = None) -> Materia
     """The material that `reference` names: a MERL `.binary` or RGL `.bsdf` file, or `builtin:NAME`.
 
     A relative path counts from `base`, or from the working directory. Raises `FittersError` where there is no
-    such file or built-in material, or where the file is damaged or of another kind.
+    such file or built-in material, or where the file is damaged or of another kind. Spikes and dropouts of a file
+    are taken for not measured, see `fitters.materials.outliers`.
     """
     if str(reference).startswith(synthetic.PREFIX):
         return synthetic.load(str(reference).removeprefix(synthetic.PREFIX))
@@ -36,7 +38,7 @@ def load_material(reference: str | Path, *, base: Path | None = None) -> Materia
             f"{path.name} is no .binary file (MERL) and no .bsdf file (RGL), which its name would end in. "
             f"Name one of those, or {built_in}."
         )
-    return READERS[suffix](read_file(path))
+    return without_outliers(READERS[suffix](read_file(path)))
 
 
 def is_anisotropic(reference: str | Path) -> bool:

@@ -1,6 +1,7 @@
 """A measured reflectance on the half/difference grid, with what was done to make it usable."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,12 @@ from fitters.grid import CELLS, SHAPE, Array, above_horizon
 
 RGB = tuple[float, float, float]
 
+MANY_NEGATIVE = 0.05
+"""Of noise about a dark value, a share that biases it upwards where what is below zero is set to 0."""
+
+FILLED = 0.2
+"""Share of repeated values from which on they look filled in; a material that is the same everywhere does not."""
+
 
 @dataclass(frozen=True, eq=False)
 class Material:
@@ -18,7 +25,8 @@ class Material:
     `table` (3, 90, 90, 180) float32, sr^-1, RGB: finite, not negative, 0 where not valid. `valid`
     (90, 90, 180) is the mask. `source` says where it comes from. `sha256` is the hash of the content that it
     was made from: it keys caches. `negative` is, per channel, the share of valid cells whose sample was below
-    zero and was set to 0.
+    zero and was set to 0. `spikes` and `dropouts` count the cells that
+    `fitters.materials.outliers` has left out.
     """
 
     name: str
@@ -27,6 +35,8 @@ class Material:
     source: str
     sha256: str
     negative: RGB
+    spikes: int = 0
+    dropouts: int = 0
 
     def __post_init__(self) -> None:
         if self.table.shape != (3, *SHAPE) or self.table.dtype != np.float32:
@@ -44,6 +54,30 @@ class Material:
             raise FittersError(f"{self.name}: the table holds negative, NaN or infinite values")
         if np.any(self.table[:, ~self.valid]):
             raise FittersError(f"{self.name}: the table is not 0 where a cell is not valid")
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What whoever fits the material should know of its samples, in sentences."""
+        said = []
+        if self.spikes:
+            said.append(f"{self.spikes:,} isolated spikes were taken for not measured")
+        if self.dropouts:
+            said.append(f"{self.dropouts:,} zeros, many of them between bright cells, were taken for not measured")
+        if max(self.negative) > MANY_NEGATIVE:
+            share = f"{max(self.negative):.0%}"
+            said.append(f"{share} of its samples were below zero and set to 0: what is dark in it is noise")
+        if FILLED < (held := self._held_share()) < 1 - FILLED:
+            said.append(
+                f"{held:.0%} of its cells repeat the value before them along theta_diff: they look filled in, not "
+                "measured"
+            )
+        return tuple(said)
+
+    def _held_share(self) -> float:
+        """The share of cells, of those that have a valid one before them, that repeat its positive value."""
+        repeats = (self.table[:, :, 1:] == self.table[:, :, :-1]).all(axis=0) & self.table[:, :, 1:].any(axis=0)
+        both = self.valid[:, 1:] & self.valid[:, :-1]
+        return float(np.sum(repeats & both) / max(int(np.sum(both)), 1))
 
 
 def from_samples(

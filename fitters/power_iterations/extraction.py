@@ -19,9 +19,10 @@ from fitters.power_iterations.anisotropic_model import AnisotropicMicrofacet
 from fitters.power_iterations.backscattering import Evaluate
 from fitters.power_iterations.conversion import Alphas, anisotropic_alphas, isotropic_alphas, tail_share
 from fitters.power_iterations.model import TabulatedMicrofacet
+from fitters.power_iterations.residual import residual
 from fitters.power_iterations.settings import Settings
 from fitters.power_iterations.slopes import Slopes, slopes
-from fitters.power_iterations.warnings import about_fresnel, about_moments
+from fitters.power_iterations.warnings import about_fresnel, about_moments, about_residual
 
 DEFAULT = Settings()
 
@@ -112,7 +113,8 @@ def _converged(material: Material, settings: Settings) -> Extraction:
     table = fresnel.table(material, _at(density, centres) / np.cos(centres) ** 4, area)
     model = TabulatedMicrofacet(theta, p, np.arccos(cos_k), cos_k / area, table)
     beckmann, ggx = isotropic_alphas(density)
-    said = (*data.warnings, *about_moments(tail_share(density)), *about_fresnel(table))
+    left = about_residual(residual(material, model))
+    said = (*data.warnings, *about_moments(tail_share(density)), *about_fresnel(table), *left)
     return Extraction(model, beckmann, ggx, table, _rgb(table[0]), found.iterations, said)
 
 

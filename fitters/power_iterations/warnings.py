@@ -5,6 +5,8 @@ import numpy as np
 from fitters.grid import Array
 
 MUCH_TAIL = 0.01
+UNEXPLAINED = 0.1
+"""Share of the reflected light from which on a residual is reported."""
 
 
 def about_moments(tail_share: float) -> tuple[str, ...]:
@@ -25,4 +27,14 @@ def about_fresnel(table: Array) -> tuple[str, ...]:
     return (
         f"The Fresnel term exceeds 1 at {above} of {len(table)} difference angles, at most {table.max():.3g}: it "
         "is a residual of the microfacet model there, not a Fresnel term.",
+    )
+
+
+def about_residual(residual: float) -> tuple[str, ...]:
+    """Of the mean absolute difference of model and measurement, relative."""
+    if residual <= UNEXPLAINED:
+        return ()
+    return (
+        f"The model leaves {residual:.0%} of the reflected light unexplained: poor backscattering, a Lambertian "
+        "part or several layers are not what it is for. Fit a formula to this material.",
     )

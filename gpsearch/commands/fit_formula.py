@@ -87,7 +87,7 @@ def _report(
         "metric": request.metric,
         "fit_seconds": round(seconds, 3),
         "floats": len(found.names) * len(CHANNELS),
-        "warnings": [],
+        "warnings": list(description.warnings),
         "error": found.error,
         "errors": {name: found.errors[3 * i : 3 * i + 3].tolist() for i, name in enumerate(names)},
         "parameters": {

@@ -15,6 +15,7 @@ from gpsearch.commands.judge import judge
 from gpsearch.commands.launch import launch
 from gpsearch.commands.materials import materials
 from gpsearch.commands.signals import Terminated
+from gpsearch.commands.stability import stability
 from gpsearch.commands.status import status
 from gpsearch.errors import GpsearchError, StoreError
 from workers import WorkersError
@@ -26,7 +27,7 @@ def commands() -> None:
     """Finds the smallest, fastest analytic BRDF that reproduces measured materials in a scene."""
 
 
-for command in (launch, status, export, judge, chart, chart_search, fit, materials):
+for command in (launch, status, export, judge, chart, chart_search, stability, fit, materials):
     commands.add_command(command)
 
 

@@ -118,6 +118,7 @@ def _member_entry(formula: _Formula, materials: tuple[str, ...]) -> dict[str, An
                 "albedo_max": checks.albedo_max,
             }
         ),
+        "warnings": list(description.warnings),
     } | _culled_entry(formula)
 
 
@@ -161,6 +162,7 @@ def _formula_entry(name: str, description: Description, materials: tuple[str, ..
         "errors": _by_material([_finite_or_none(error) for error in fit.errors.tolist()], materials),
         "metrics": _finite(description.metrics),
         "cost_ns": round(description.cost_ns, 3),
+        "warnings": list(description.warnings),
     }
 
 

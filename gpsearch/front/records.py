@@ -99,11 +99,19 @@ def description_json(description: Description) -> dict[str, Any]:
         "metrics": description.metrics,
         "checks": vars(description.checks),
         "cost_ns": description.cost_ns,
+        "warnings": list(description.warnings),
     }
 
 
 def read_description(stored: dict[str, Any]) -> Description:
-    return Description(read_fit(stored["fit"]), stored["metrics"], Checks(**stored["checks"]), stored["cost_ns"])
+    return Description(
+        fit=read_fit(stored["fit"]),
+        metrics=stored["metrics"],
+        checks=Checks(**stored["checks"]),
+        cost_ns=stored["cost_ns"],
+        # Stores made before formulas had warnings hold none.
+        warnings=tuple(stored.get("warnings", ())),
+    )
 
 
 def culled_json(culled: Culled) -> dict[str, Any]:

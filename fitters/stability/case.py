@@ -1,0 +1,93 @@
+"""What a method is tried on: a measurement with one thing wrong, the light it is fitted under, and the truth."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+
+import numpy as np
+
+from fitters import cache
+from fitters.expressions import evaluate
+from fitters.expressions.catalogue import formula
+from fitters.grid import CELLS, SHAPE, Array, above_horizon, cell_directions
+from fitters.materials import Material
+from fitters.materials.material import RGB, from_samples
+from fitters.materials.outliers import without_outliers
+from fitters.scenes import LightTable, Scene, light_table
+
+SCENE = Scene(resolution=32, light_rows=16)
+"""Small, so that a trial takes a second: some hundred thousand lit cells."""
+
+ALPHA = 0.2
+R0: RGB = (0.91, 0.60, 0.42)
+
+Known = Mapping[str, Mapping[str, float]]
+"""By formula, parameters that a fit of it should find again, the same in every channel."""
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """The undisturbed material, all of it known; `known` is empty where no formula made it."""
+
+    material: Material
+    known: Known = field(default_factory=dict)
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """`measured` is what a method is given, `truth` what it is judged by in every cell that `light` reaches."""
+
+    truth: Material
+    measured: Material
+    light: LightTable
+    known: Known = field(default_factory=dict)
+
+
+@lru_cache(maxsize=1)
+def metal() -> Base:
+    """The GGX of Walter et al. 2007 without a diffuse part, coloured: every method's best case."""
+    samples = formula_samples("ggx", *({"p0": 0.0, "p1": 1.0, "p2": ALPHA, "p3": r0} for r0 in R0))
+    return Base(material("ggx metal", samples), {"ggx": {"p2": ALPHA}})
+
+
+def undisturbed(base: Base, light: LightTable | None = None) -> Case:
+    """The base as it is."""
+    return Case(base.material, base.material, light or studio(), base.known)
+
+
+@lru_cache(maxsize=1)
+def studio() -> LightTable:
+    """The light of all hazards that do not bring their own."""
+    return light_table(SCENE)
+
+
+def formula_samples(name: str, *channels: Mapping[str, float]) -> Array:
+    """A catalogue formula, parameters for each channel, as samples (3, 90, 90, 180), NaN below the horizon."""
+    expression, above = formula(name).expression, above_horizon().ravel()
+    w_i, w_o = (w[above] for w in cell_directions())
+    samples = np.full((3, CELLS), np.nan, np.float32)
+    for channel, parameters in enumerate(channels):
+        samples[channel, above] = evaluate(expression, parameters, w_i, w_o)
+    return samples.reshape(3, *SHAPE)
+
+
+def samples_of(of: Material) -> Array:
+    """The table (3, 90, 90, 180) as raw samples of its own, NaN where there is none."""
+    return np.where(of.valid, of.table, np.float32(np.nan))
+
+
+def material(name: str, samples: Array) -> Material:
+    """Raw samples taken as those of a file are; the hash is of what they hold."""
+    read = from_samples(name, samples, source="synthetic", sha256=cache.digest(name, samples))
+    return without_outliers(read)
+
+
+def disturbed(base: Base, name: str, samples: Array) -> Case:
+    """Raw samples of the base with something done to them; the truth is the base."""
+    return Case(base.material, material(name, samples), studio(), base.known)
+
+
+def other_truth(name: str, samples: Array, known: Known | None = None, light: LightTable | None = None) -> Case:
+    """A material that is measured well, but is hard in itself."""
+    made = material(name, samples)
+    return Case(made, made, light or studio(), known or {})

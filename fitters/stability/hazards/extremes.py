@@ -1,0 +1,92 @@
+"""Values at the end of their range: very sharp peaks, empty channels, other units."""
+
+import numpy as np
+
+from fitters import cache
+from fitters.grid import Array
+from fitters.scenes import EnvironmentMap, LightTable
+from fitters.scenes.kernel import integrate, sphere_normals
+from fitters.scenes.lights import load_light
+from fitters.stability.case import (
+    R0,
+    SCENE,
+    Base,
+    Case,
+    Known,
+    formula_samples,
+    other_truth,
+    samples_of,
+)
+from fitters.stability.hazards.hazard import Hazard
+
+SHARP_ALPHA, MIRROR_ALPHA = 0.005, 0.02
+SCALES = (1e-6, 1e6)
+TEXEL = (4, 22)
+"""Row and column of the one texel that shines, of 16 x 32: 50 degrees from the zenith, behind the camera."""
+CRESCENT = (8, 31)
+"""Likewise of the one that lights next to nothing: behind the sphere."""
+COOK_TORRANCE = {"p0": 0.02, "p1": 1.0, "p2": 0.25, "p3": 0.3}
+
+
+def _ggx(alpha: float) -> tuple[Array, Known]:
+    channels = ({"p0": 0.0, "p1": 1.0, "p2": alpha, "p3": r0} for r0 in R0)
+    return formula_samples("ggx", *channels), {"ggx": {"p2": alpha}}
+
+
+def _sharp(base: Base, level: int, seed: int) -> Case:
+    return other_truth("sharp peak", *_ggx(SHARP_ALPHA))
+
+
+def _mirror(base: Base, level: int, seed: int) -> Case:
+    return other_truth("mirror", *_ggx(MIRROR_ALPHA), one_texel(*TEXEL))
+
+
+def one_texel(row: int, column: int) -> LightTable:
+    """The light of a single texel as bright as all of the studio together."""
+    radiance = np.zeros((SCENE.light_rows, 2 * SCENE.light_rows, 3))
+    dark = EnvironmentMap(np.ones_like(radiance))
+    radiance[row, column] = load_light("studio").power() / dark.solid_angles()[row]
+    table = integrate(EnvironmentMap(radiance), sphere_normals(SCENE.resolution)).astype(np.float32)
+    return LightTable(table, np.any(table > 0, axis=0), cache.digest("one texel", row, column, table))
+
+
+def _dark_scene(base: Base, level: int, seed: int) -> Case:
+    return Case(base.material, base.material, one_texel(*CRESCENT), base.known)
+
+
+def _empty_channel(base: Base, level: int, seed: int) -> Case:
+    samples = samples_of(base.material)
+    samples[2] *= 0
+    return other_truth("no blue", samples)
+
+
+def _scale(base: Base, level: int, seed: int) -> Case:
+    samples = samples_of(base.material) * np.float32(SCALES[level])
+    return other_truth(f"scale {SCALES[level]:g}", samples, base.known)
+
+
+def _trade_off(base: Base, level: int, seed: int) -> Case:
+    known = {"cook-torrance": {name: COOK_TORRANCE[name] for name in ("p1", "p3")}}
+    return other_truth("trade-off", formula_samples("cook-torrance", *[COOK_TORRANCE] * 3), known)
+
+
+HAZARDS = (
+    Hazard("sharp-peak", "a GGX metal all but polished", (f"alpha {SHARP_ALPHA:g}",), _sharp, any_base=False),
+    Hazard(
+        "mirror",
+        f"a GGX metal of alpha {MIRROR_ALPHA:g} under a light of one texel",
+        ("one texel",),
+        _mirror,
+        any_base=False,
+    ),
+    Hazard("empty-channel", "the blue channel is zero throughout", ("blue",), _empty_channel),
+    Hazard("scale", "values in other units", tuple(f"{scale:g}" for scale in SCALES), _scale),
+    Hazard("dark-scene", "one texel behind the sphere lights a crescent of it", ("crescent",), _dark_scene),
+    Hazard(
+        "trade-off",
+        "eq. 5 of the genBRDF paper: with N.H in the Fresnel term, R0 and the specular scale do nearly the same",
+        ("R0 and scale",),
+        _trade_off,
+        any_base=False,
+    ),
+)
