@@ -59,13 +59,13 @@ class Material:
     def doubts(self) -> tuple[str, ...]:
         """What whoever fits the material should know of its samples, in sentences."""
         said = []
+        if max(self.negative) > MANY_NEGATIVE:
+            share = f"{max(self.negative):.0%}"
+            said.append(f"{share} of its samples were below zero and set to 0: what is dark in it is noise")
         if self.spikes:
             said.append(f"{self.spikes:,} isolated spikes were taken for not measured")
         if self.dropouts:
             said.append(f"{self.dropouts:,} zeros, many of them between bright cells, were taken for not measured")
-        if max(self.negative) > MANY_NEGATIVE:
-            share = f"{max(self.negative):.0%}"
-            said.append(f"{share} of its samples were below zero and set to 0: what is dark in it is noise")
         if FILLED < (held := self._held_share()) < 1 - FILLED:
             said.append(
                 f"{held:.0%} of its cells repeat the value before them along theta_diff: they look filled in, not "

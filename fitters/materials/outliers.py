@@ -33,7 +33,12 @@ measurements it is 1e-5 at most."""
 
 
 def without_outliers(material: Material) -> Material:
-    """The material with its spikes and dropouts taken for not measured and counted; itself where it has none."""
+    """The material with its spikes and dropouts taken for not measured and counted; itself where it has none.
+
+    Where a share of the samples was below zero, what is dark is noise, and neighbours say nothing of each other.
+    """
+    if max(material.negative) > MANY_NEGATIVE:
+        return material
     bright, dark = spikes(material), dropouts(material)
     found = bright | dark
     if not found.any():
@@ -50,13 +55,10 @@ def without_outliers(material: Material) -> Material:
 
 
 def dropouts(material: Material) -> NDArray[np.bool_]:
-    """(90, 90, 180): valid cells that are zero in all channels, where many such lie between bright ones.
-
-    None where a share of the samples was below zero: those zeros are noise about a dark value.
-    """
+    """(90, 90, 180): valid cells that are zero in all channels, where many such lie between bright ones."""
     zero = material.valid & ~material.table.any(axis=0)
     valid = np.count_nonzero(material.valid)
-    if np.count_nonzero(zero) <= DROPOUTS * valid or max(material.negative) > MANY_NEGATIVE:
+    if np.count_nonzero(zero) <= DROPOUTS * valid:
         return np.zeros_like(zero)
     total = material.table.sum(axis=0)
     bright = total > DIM * np.median(total[material.valid])

@@ -12,6 +12,8 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from fitters import baselines
+from fitters.engine.warm import warm_up
 from fitters.stability import (
     HAZARDS,
     METHODS,
@@ -137,6 +139,9 @@ def _run(trials: Sequence[Trial], material: str | None, console: Console) -> lis
     reference = _absolute(material)
     job = Job(_trial, Recipe(_reference, reference), trials, "trial", 2.0)
     results: dict[int, Any] = {}
+    # Several processes that begin to fit at once would all compile the same.
+    warm_up()
+    baselines.warm_up(set(METHODS) & set(baselines.TABULATED))
     with (
         _progress(console) as progress,
         open_executor(LocalSettings() if here else DaskSettings(workers=cores)) as executor,

@@ -6,7 +6,8 @@ from fitters.grid import SHAPE
 from fitters.stability.case import Base, Case, disturbed, samples_of
 from fitters.stability.hazards.hazard import Hazard
 
-NOISE = (0.0, 0.01, 0.05, 0.10, 0.20)
+NOISE = (0.01, 0.05, 0.10, 0.20)
+"""0 is the undisturbed material."""
 SPIKES = (1e-4, 1e-3)
 SPIKE = 1000.0
 DROPPED = 0.2

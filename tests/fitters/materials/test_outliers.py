@@ -52,4 +52,6 @@ def test_zeros_between_bright_cells_are_dropouts_and_a_black_region_is_not(lobe)
 
 def test_zeros_that_noise_left_are_measurements():
     noisy = 0.1 * np.random.default_rng(0).standard_normal((3, *SHAPE)) + 0.1
-    assert not dropouts(from_samples("noise", noisy, source="test", sha256="0")).any()
+    found = from_samples("noise", noisy, source="test", sha256="0")
+    assert without_outliers(found) is found
+    assert any("16% of its samples were below zero" in doubt for doubt in found.doubts)

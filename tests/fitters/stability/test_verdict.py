@@ -15,7 +15,7 @@ from fitters.stability.methods import Found
 from fitters.stability.trial import UNDISTURBED, outcome_of, same_warning, spread
 from fitters.stability.verdict import judged
 
-HEALTHY, DISTURBED = Trial("fake", UNDISTURBED, 0, 0), Trial("fake", "noise", 3, 0)
+HEALTHY, DISTURBED = Trial("fake", UNDISTURBED, 0, 0), Trial("fake", "noise", 2, 0)
 
 
 @pytest.fixture(scope="module")
