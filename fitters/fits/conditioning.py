@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fitters.expressions import Expression
 from fitters.fits.fit import Bounds, Fit
-from fitters.fits.polish import Target, targets_of
+from fitters.fits.polish import TargetSquares, targets_of
 from fitters.fits.problem import Cells
 from fitters.grid import Array
 
@@ -49,7 +49,7 @@ def conditioning(expression: Expression, cells: Cells, bounds: Bounds, found: Fi
     return [_of_target(problem, bounds, found.parameters(target)) for target, problem in enumerate(problems)]
 
 
-def _of_target(problem: Target, bounds: Bounds, parameters: dict[str, float]) -> Conditioning:
+def _of_target(problem: TargetSquares, bounds: Bounds, parameters: dict[str, float]) -> Conditioning:
     z = problem.place(parameters)
     _, gram, _ = problem.normal_equations(z)
     names = problem.coordinates.names

@@ -17,19 +17,13 @@ from fitters.engine.prepared import linear_units
 from fitters.engine.program import lower
 from fitters.expressions import Expression
 from fitters.fits.fit import Bounds, Fit
+from fitters.fits.least_squares import LeastSquares
 from fitters.fits.metrics import Metric
 from fitters.fits.problem import Cells
 from fitters.grid import Array
 
-STEPS = 100
-"""At most, with those that do not lower the error. Few formulas take more than twenty; SGD with its ten
-parameters does."""
-
 DIFFERENCE = 1e-6
 """Step of a difference quotient, in the coordinates that a simplex searches."""
-
-ENOUGH = 1e-7
-"""Relative improvement of the sum of squares below which a target is done."""
 
 
 def polish(expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, found: Fit) -> Fit:
@@ -47,17 +41,17 @@ def polish(expression: Expression, cells: Cells, metric: Metric, bounds: Bounds,
     return replace(found, values=values, errors=errors, error=metric.combine(errors))
 
 
-def targets_of(expression: Expression, cells: Cells, bounds: Bounds) -> Iterator["Target"]:
+def targets_of(expression: Expression, cells: Cells, bounds: Bounds) -> Iterator["TargetSquares"]:
     """The problem of every target of some cells, one after the other."""
     program = lower(expression)
     engine, coordinates = Double(program, cells.features), Coordinates(program, bounds)
     units = linear_units(program, cells.units)
     for target, (weights, targets) in enumerate(zip(cells.weights, cells.targets, strict=True)):
         unit = 1.0 if units is None else float(units[target])
-        yield Target(engine, coordinates, weights, targets, unit)
+        yield TargetSquares(engine, coordinates, weights, targets, unit)
 
 
-class Target:
+class TargetSquares(LeastSquares):
     """One target's sum of squares in coordinates z: those of the searched parameters, then the linear ones."""
 
     def __init__(
@@ -69,6 +63,7 @@ class Target:
         unit: float = 1.0,
     ) -> None:
         self.engine, self.coordinates, self.unit = engine, coordinates, unit
+        self.box = coordinates.box
         self.weights, self.targets = weights.astype(np.float64) * unit, targets.astype(np.float64)
 
     def place(self, parameters: Mapping[str, float]) -> Array:
@@ -83,42 +78,7 @@ class Target:
         scale = np.where(np.arange(len(z)) < self.coordinates.searched, 1.0, self.unit)
         return self.coordinates.parameters(z * scale)
 
-    def descend(self, z: Array) -> tuple[Array, float]:
-        """The best coordinates from z and their sum of squares; infinite where that is not finite."""
-        squares, gram, slope = self.normal_equations(z)
-        damping = 0.0
-        for _ in range(STEPS if len(z) and np.isfinite(squares) else 0):
-            trial = self._stepped(z, gram, slope, damping)
-            found, trial_gram, trial_slope = self.normal_equations(trial)
-            if not found < squares:
-                damping = max(4.0 * damping, 1e-3)
-                continue
-            done = squares - found <= ENOUGH * squares
-            z, squares, gram, slope, damping = trial, found, trial_gram, trial_slope, damping / 3
-            if done:
-                break
-        return z, squares if np.isfinite(squares) else np.inf
-
-    def _stepped(self, z: Array, gram: Array, slope: Array, damping: float) -> Array:
-        """z after one damped step: what would leave the box stops at its side, and the rest allows for that."""
-        low, high = self.coordinates.box
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        matrix = gram / np.outer(scale, scale) + damping * np.eye(len(z))
-        right, step, free = -slope / scale, np.zeros(len(z)), np.ones(len(z), bool)
-        while free.any():
-            rest = right[free] - matrix[np.ix_(free, ~free)] @ step[~free]
-            # Of parameters that do the same, the least-squares solution moves both a little.
-            step[free] = np.linalg.lstsq(matrix[np.ix_(free, free)], rest, rcond=1e-12)[0]
-            wanted = z + step / scale
-            leaves = free & ((wanted < low) | (wanted > high))
-            if not leaves.any():
-                break
-            step[leaves] = ((np.clip(wanted, low, high) - z) * scale)[leaves]
-            free &= ~leaves
-        return np.clip(z + step / scale, low, high)
-
     def normal_equations(self, z: Array) -> tuple[float, Array, Array]:
-        """Sum of squares r r, J^T J and J^T r at z; not finite where the formula is not."""
         searched = self.coordinates.searched
         points = [z, *(self._moved(z, i) for i in range(searched))]
         scalars = [self.engine.scalars(self.coordinates.parameters(point)) for point in points]
@@ -146,5 +106,5 @@ class Target:
     def _moved(self, z: Array, i: int) -> Array:
         """z with one coordinate a little off, within the box."""
         moved = z.copy()
-        moved[i] += DIFFERENCE if z[i] + DIFFERENCE <= self.coordinates.box[1, i] else -DIFFERENCE
+        moved[i] += DIFFERENCE if z[i] + DIFFERENCE <= self.box[1, i] else -DIFFERENCE
         return moved

@@ -4,7 +4,7 @@ Cells that the scene does not light, or where no material is valid, are left out
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,20 @@ class Cells:
 
     def __len__(self) -> int:
         return len(self.index)
+
+    def only(self, chosen: NDArray[np.int64]) -> "Cells":
+        """The chosen cells (k,) as they are, without those that a sample would make them stand for."""
+        return Cells(
+            index=self.index[chosen],
+            features={name: np.ascontiguousarray(values[chosen]) for name, values in self.features.items()},
+            weights=np.ascontiguousarray(self.weights[:, chosen]),
+            targets=np.ascontiguousarray(self.targets[:, chosen]),
+        )
+
+    def targets_only(self, rows: slice) -> "Cells":
+        """The same cells with some of the targets."""
+        coarse = self.coarse and Coarse(self.coarse.weights[rows], self.coarse.targets[rows])
+        return replace(self, weights=self.weights[rows], targets=self.targets[rows], coarse=coarse)
 
     def take(
         self, chosen: NDArray[np.int64], draws: NDArray[np.int64], sampling_weights: Array, coarse_weights: Array
@@ -146,6 +160,15 @@ def fit_problem(
     return FitProblem(source, METRICS[metric], full, fine, coarse, key)
 
 
+def of_material(problem: FitProblem, material: int) -> FitProblem:
+    """The same problem for one of its materials alone, on the same cells."""
+    rows = slice(len(CHANNELS) * material, len(CHANNELS) * (material + 1))
+    source = replace(problem.source, materials=(problem.source.materials[material],))
+    full, fine, coarse = (cells.targets_only(rows) for cells in (problem.full, problem.fine, problem.sample))
+    key = cache.digest("of material", problem.sha256, material)
+    return FitProblem(source, problem.metric, full, fine, coarse, key)
+
+
 def lit_source(materials: Sequence[Material], light: LightTable) -> Source:
     """The cells that materials (not empty, names distinct) and a light cover. Raises `FittersError`."""
     names = tuple(material.name for material in materials)
@@ -210,8 +233,8 @@ def sample(cells: Cells, count: int, seed: int) -> Cells:
         return cells
     drawn_by = {
         "uniform": np.full(n, 1.0 / n),
-        "light": _mean_share(cells.weights),
-        "energy": _mean_share(cells.targets),
+        "light": mean_share(cells.weights),
+        "energy": mean_share(cells.targets),
     }
     probability = sum((share * drawn_by[name] for name, share in SHARES.items()), np.zeros(n))
     cumulative = np.cumsum(probability)
@@ -231,7 +254,7 @@ def sample(cells: Cells, count: int, seed: int) -> Cells:
     return cells.take(chosen, times[order], times[order] / expected, coarse_times / coarse_expected)
 
 
-def _mean_share(rows: NDArray[np.float32]) -> Array:
+def mean_share(rows: NDArray[np.float32]) -> Array:
     """Each cell's share (n,) of the squared sum of a row (rows, n), the mean over rows; sums to 1 at most."""
     squares = np.square(rows, dtype=np.float64)
     totals = squares.sum(axis=1, keepdims=True)

@@ -6,6 +6,7 @@ import time
 import click
 
 from fitters.fits import Candidate, build_problem
+from fitters.fits.reduction import reduction
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
@@ -35,12 +36,14 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
         limits.append(f"{budget.generations} generations ({duration(generation_seconds * budget.generations)})")
     if budget.candidates is not None:
         limits.append(f"{budget.candidates:,} candidates ({duration(budget.candidates / (rate * processes))})")
-    cells = f"{len(problem.full):,} lit cells, {len(problem.sample):,} sampled"
+    cells = reduction(problem)
     bank = len(planned.breeding.mutation.codebank)
     click.echo(
         f"{configuration.name}: the configuration is valid\n"
         f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
-        f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells}\n"
+        f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells.lit:,} lit of"
+        f" {cells.measured:,} measured cells, 99 % of what is seen in {cells.carrying[0.99]:,};"
+        f" {cells.sampled:,} sampled\n"
         f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a"
         f" generation, codebank of {bank}\n"
         f"  executor    {where}\n"

@@ -14,6 +14,7 @@ from gpsearch.commands.fit import fit
 from gpsearch.commands.judge import judge
 from gpsearch.commands.launch import launch
 from gpsearch.commands.materials import materials
+from gpsearch.commands.pick import pick_command
 from gpsearch.commands.signals import Terminated
 from gpsearch.commands.stability import stability
 from gpsearch.commands.status import status
@@ -27,7 +28,7 @@ def commands() -> None:
     """Finds the smallest, fastest analytic BRDF that reproduces measured materials in a scene."""
 
 
-for command in (launch, status, export, judge, chart, chart_search, stability, fit, materials):
+for command in (launch, status, export, judge, chart, chart_search, stability, pick_command, fit, materials):
     commands.add_command(command)
 
 

@@ -1,0 +1,208 @@
+"""What may be picked for a scene: contenders as the run left them, refitted in the scene, with numbers shared."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fitters.baselines import formula_model, judge_at
+from fitters.expressions import Expression, parse
+from fitters.expressions.catalogue import CATALOGUE
+from fitters.fits import ConfirmJob, Fit, FitJob, FitProblem, FitSettings, confirm
+from fitters.fits.polish import polish
+from fitters.fits.problem import lit_source, of_material
+from fitters.fits.table_metrics import TABLE_METRICS, table_errors
+from fitters.grid import SHAPE
+from fitters.materials import Material
+from fitters.models import FormulaModel, Model
+from fitters.rendering import IMAGE_METRICS
+from fitters.rendering.card import model_values
+from fitters.sharing import Sharing, share
+from fitters.speed import closure, incoherent, measure
+from gpsearch.judging.contenders import Contender
+from gpsearch.judging.scenes import NamedScene
+from gpsearch.judging.tolerance import Tolerance
+
+LIGHT = "light"
+"""The one table metric that needs no more than the cells which the scene lights."""
+
+Bounds = Mapping[str, tuple[float, float]]
+Values = Mapping[str, Mapping[str, float]]
+"""By material's name, by metric."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """Models of a contender as they would be used in a scene, and what the metrics say of them there.
+
+    fitted_in:   `run` for as it is in the run, `scene` for refitted
+    nanoseconds: per call, of three channels; None where nobody asks
+    sharing:     of a formula's parameters; None for tables
+    """
+
+    contender: Contender
+    fitted_in: str
+    nanoseconds: float | None
+    models: Mapping[str, Model]
+    values: Values
+    sharing: Sharing | None
+
+    @property
+    def nodes(self) -> int:
+        """Of the formula; a table has none."""
+        return self.contender.nodes or 0
+
+    def numbers(self, materials: int) -> int:
+        """To store for so many materials."""
+        return self.sharing.numbers(materials) if self.sharing else self.contender.floats * materials
+
+    def words(self, materials: int) -> int:
+        """Nodes of the formula, once, and numbers: a word each."""
+        return self.nodes + self.numbers(materials)
+
+
+class View:
+    """A scene in which models of materials are measured by the metrics of a tolerance, and by no others."""
+
+    def __init__(self, scene: NamedScene, materials: Sequence[Material], tolerance: Tolerance) -> None:
+        self.materials, self.tolerance = tuple(material.name for material in materials), tolerance
+        self._image_metrics = [name for name in tolerance.metrics if name in IMAGE_METRICS]
+        self._curved_metrics = [name for name in tolerance.metrics if name in TABLE_METRICS and name != LIGHT]
+        self._of_name = {material.name: material for material in materials}
+        self._light = scene.light()
+        self._sources = {material.name: lit_source([material], self._light) for material in materials}
+        # The map of an image is large, and nobody's who asks for no image metric.
+        self._image = scene.image() if self._image_metrics else None
+        self._truths = {m.name: self._image.of_material(m) for m in materials} if self._image else {}
+
+    def values(self, model: Model, name: str) -> dict[str, float]:
+        """What each metric of the tolerance says of a model of a material."""
+        material, found = self._of_name[name], {}
+        if LIGHT in self.tolerance.metrics:
+            found[LIGHT] = _mean(judge_at(self._sources[name], 0, model)[LIGHT])
+        if self._image is not None:
+            picture = self._image.of_model(model, material)
+            for metric in self._image_metrics:
+                found[metric] = IMAGE_METRICS[metric].compare(self._truths[name], picture).value
+        if self._curved_metrics:
+            errors = table_errors(material, self._light, model_values(model, material).reshape(3, *SHAPE))
+            found |= {metric: _mean(errors[metric]) for metric in self._curved_metrics}
+        return found
+
+    def holds(self, model: Model, name: str) -> bool:
+        return self.tolerance.holds(self.values(model, name))
+
+
+def _mean(errors: Sequence[float]) -> float:
+    """The root mean square over channels."""
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
+@dataclass(frozen=True, eq=False)
+class Refitter:
+    """Refits formulas in a scene with this fit problem over the run's materials; `bounds` are the search's."""
+
+    problem: FitProblem
+    bounds: tuple[tuple[str, float, float], ...]
+    settings: FitSettings
+
+    def bounds_of(self, contender: Contender) -> Bounds:
+        """Those that the contender was fitted in."""
+        if contender.kind == "formula" and contender.name in CATALOGUE:
+            return CATALOGUE[contender.name].bounds
+        return {name: (low, high) for name, low, high in self.bounds}
+
+    def refitted(self, contender: Contender) -> dict[str, Model]:
+        """Models of every material, the structure as it is; no worse in the scene's error than the run's."""
+        expression, bounds = _expression(contender), self.bounds_of(contender)
+        near = self.fit_of(contender.models, self.problem)
+        job = FitJob((contender.expression or "",), tuple((n, *b) for n, b in bounds.items()), self.settings)
+        found = confirm(self.problem, ConfirmJob(job, near.columns or None)).fit
+        found = polish(expression, self.problem.fine, self.problem.metric, bounds, found)
+        return _models(expression, found, self.problem.materials)
+
+    def fit_of(self, models: Mapping[str, Model], problem: FitProblem) -> Fit:
+        """Parameters of formula models as a fit to a problem's targets whose errors nobody knows."""
+        formulas = [models[name] for name in problem.materials]
+        values = np.concatenate([model.parameters for model in formulas if isinstance(model, FormulaModel)])
+        expression = next(model.expression for model in formulas if isinstance(model, FormulaModel))
+        errors = np.full(len(values), np.inf)
+        return Fit(expression.parameters, values, errors, np.inf, 0)
+
+
+def offers(
+    contenders: Sequence[Contender],
+    nanoseconds: Mapping[str, float],
+    view: View,
+    refitter: Refitter | None,
+) -> Iterator[list[Offer]]:
+    """For each contender what it offers: as it is, and refitted where there is a refitter for another scene.
+
+    `nanoseconds` by contender's name, those that are known.
+    """
+    for contender in contenders:
+        variants = {"run": contender.models}
+        if refitter is not None and _is_whole_formula(contender, view):
+            variants["scene"] = refitter.refitted(contender)
+        yield [
+            Offer(
+                contender,
+                fitted_in,
+                nanoseconds.get(contender.name),
+                models,
+                {name: view.values(model, name) for name, model in models.items()},
+                Sharing.nothing(_expression(contender).parameters) if contender.expression else None,
+            )
+            for fitted_in, models in variants.items()
+        ]
+
+
+class Sharer:
+    """Lets a formula's parameters be shared as far as the tolerance holds in a view."""
+
+    def __init__(self, refitter: Refitter, view: View) -> None:
+        self._refitter, self._view = refitter, view
+        self._known: dict[tuple[str, tuple[str, ...]], Offer | None] = {}
+
+    def __call__(self, offer: Offer, names: tuple[str, ...]) -> Offer:
+        """The offer with the fewest numbers for these materials, one or all; itself where nothing is shared."""
+        if offer.sharing is None or not offer.sharing.names:
+            return offer
+        key = (offer.contender.name, names)
+        if key not in self._known:
+            self._known[key] = self._shared(offer, names)
+        return self._known[key] or offer
+
+    def _shared(self, offer: Offer, names: tuple[str, ...]) -> Offer | None:
+        whole = self._refitter.problem
+        problem = whole if names == whole.materials else of_material(whole, whole.materials.index(names[0]))
+        expression = _expression(offer.contender)
+
+        def unnoticed(tied: Fit, free: Fit) -> bool:
+            return all(self._view.holds(model, name) for name, model in _models(expression, tied, names).items())
+
+        free = self._refitter.fit_of(offer.models, problem)
+        found = share(expression, problem, self._refitter.bounds_of(offer.contender), free, unnoticed)
+        if found.sharing == offer.sharing:
+            return None
+        models = _models(expression, found.fit, names)
+        values = {name: self._view.values(model, name) for name, model in models.items()}
+        return replace(offer, fitted_in="scene", models=models, values=values, sharing=found.sharing)
+
+
+def measured_nanoseconds(contenders: Sequence[Contender]) -> dict[str, float]:
+    """What a call of each costs on this machine at incoherent directions, by name, all timed in turns."""
+    closures = {one.name: closure(next(iter(one.models.values()))) for one in contenders if one.models}
+    return {name: timing.ns for name, timing in measure(closures, incoherent()).items()}
+
+
+def _expression(contender: Contender) -> Expression:
+    return parse(contender.expression or "")
+
+
+def _models(expression: Expression, fit: Fit, names: Sequence[str]) -> dict[str, Model]:
+    return {name: formula_model(expression, fit, i, 0.0) for i, name in enumerate(names)}
+
+
+def _is_whole_formula(contender: Contender, view: View) -> bool:
+    return contender.expression is not None and set(contender.models) == set(view.materials)
