@@ -30,7 +30,7 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
     """The front of a run as plain objects, sorted by size, the error strictly falling.
 
     Only members that are described count: `Search.describe_front` describes them all. What culling has left of
-    them competes with them.
+    a member stands in its place.
     """
     materials = configuration.material_names
     generations, candidates, _ = store.totals()
@@ -71,15 +71,16 @@ class _Formula:
 
 
 def _formulas(store: Store) -> list[_Formula]:
-    """The members that are described, and what is left of those that were culled."""
+    """The members that are described; of those that were culled, what is left."""
     described, culled = store.descriptions(), store.culled()
     found = []
     for member in store.front().members:
         if (before := described.get(member.expression)) is None:
             continue
-        found.append(_Formula(member, member.expression, member.nodes, before))
         left = culled.get(member.expression)
-        if left is not None and left.description is not None:
+        if left is None or left.description is None:
+            found.append(_Formula(member, member.expression, member.nodes, before))
+        else:
             nodes = expressions.parse(left.expression).nodes
             found.append(_Formula(member, left.expression, nodes, left.description, before, left.steps))
     return found
