@@ -139,9 +139,10 @@ def _run(trials: Sequence[Trial], material: str | None, console: Console) -> lis
     reference = _absolute(material)
     job = Job(_trial, Recipe(_reference, reference), trials, "trial", 2.0)
     results: dict[int, Any] = {}
-    # Several processes that begin to fit at once would all compile the same.
-    warm_up()
-    baselines.warm_up(set(METHODS) & set(baselines.TABULATED))
+    if not here:
+        # Processes that begin to fit at once would all compile the same.
+        warm_up()
+        baselines.warm_up({trial.method for trial in trials} & set(baselines.TABULATED))
     with (
         _progress(console) as progress,
         open_executor(LocalSettings() if here else DaskSettings(workers=cores)) as executor,
