@@ -75,12 +75,14 @@ class Cells:
             features={name: np.ascontiguousarray(values[chosen]) for name, values in self.features.items()},
             weights=np.ascontiguousarray(self.weights[:, chosen]),
             targets=np.ascontiguousarray(self.targets[:, chosen]),
+            units=self.units,
         )
 
     def targets_only(self, rows: slice) -> "Cells":
         """The same cells with some of the targets."""
         coarse = self.coarse and Coarse(self.coarse.weights[rows], self.coarse.targets[rows])
-        return replace(self, weights=self.weights[rows], targets=self.targets[rows], coarse=coarse)
+        units = None if self.units is None else self.units[rows]
+        return replace(self, weights=self.weights[rows], targets=self.targets[rows], coarse=coarse, units=units)
 
     def take(
         self, chosen: NDArray[np.int64], draws: NDArray[np.int64], sampling_weights: Array, coarse_weights: Array

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fitters.engine.coordinates import Coordinates
 from fitters.engine.double import Double
+from fitters.engine.prepared import linear_units
 from fitters.engine.program import lower
 from fitters.expressions import Expression
 from fitters.fits.fit import Bounds, Fit
@@ -39,18 +40,21 @@ def tied_fit(
     """
     program = lower(expression)
     engine, coordinates = Double(program, cells.features), Coordinates(program, bounds)
-    parts = [TargetSquares(engine, coordinates, w, y) for w, y in zip(cells.weights, cells.targets, strict=True)]
-    before = coordinates.of(near.columns) if near.names else np.zeros((len(parts), 0))
-    slots = sharing.slots(coordinates.names, len(parts))
-    values, errors = near.values.copy(), np.full(len(parts), np.inf)
-    for group in _groups(sharing, len(parts)):
-        tied = _Tied([parts[target] for target in group], slots[group], coordinates.searched)
-        y = tied.best(_starts(before[group], tied.slots))
-        squares = [part.normal_equations(y[at])[0] for part, at in zip(tied.parts, tied.slots, strict=True)]
+    units = linear_units(program, cells.units)
+    slots = sharing.slots(coordinates.names, len(cells.weights))
+    values, errors = near.values.copy(), np.full(len(cells.weights), np.inf)
+    for group in _groups(sharing, len(errors)):
+        # One number has one unit: that of the middle target.
+        unit = 1.0 if units is None else float(np.sort(units[group])[len(group) // 2])
+        parts = [TargetSquares(engine, coordinates, cells.weights[t], cells.targets[t], unit) for t in group]
+        tied = _Tied(parts, slots[group], coordinates.searched)
+        before = np.array([parts[0].place(near.parameters(target)) for target in group])
+        y = tied.best(_starts(before, tied.slots))
+        squares = [part.normal_equations(y[at])[0] for part, at in zip(parts, tied.slots, strict=True)]
         errors[group] = np.sqrt(squares)
         if np.isfinite(squares).all():
-            named = coordinates.parameters(y[tied.slots])
-            values[group] = np.stack([named[name] for name in near.names], axis=1) if near.names else 0.0
+            named = [parts[0].parameters(y[at]) for at in tied.slots]
+            values[group] = [[one[name] for name in near.names] for one in named]
     return replace(near, values=values, errors=errors, error=metric.combine(errors))
 
 

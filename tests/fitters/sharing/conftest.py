@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fitters.expressions import evaluate, parse
-from fitters.fits import ConfirmJob, DescriptionJob, FitJob, FitSettings, confirm, describe, fit_problem
+from fitters.fits import FitSettings, fit, fit_problem
+from fitters.fits.polish import polish
 from fitters.grid import CELLS, SHAPE, above_horizon, cell_directions
 from fitters.materials.material import from_samples
 from fitters.scenes import LightTable
@@ -27,7 +28,7 @@ def light():
 
 @pytest.fixture(scope="session")
 def lobes(light):
-    """The problem of materials, each of three (p0, p1, p2), and what `describe` leaves of its free fit."""
+    """The problem of materials, each of three (p0, p1, p2), and its polished free fit."""
 
     def make(*materials, noise=0.0):
         rng = np.random.default_rng(1)
@@ -42,9 +43,7 @@ def lobes(light):
             samples = samples.reshape(3, *SHAPE)
             made.append(from_samples(f"m{number}", samples, source="test", sha256=f"{materials} {noise} {number}"))
         problem = fit_problem(made, light, metric="light", sample_cells=300, fine_cells=600, seed=4)
-        job = FitJob(
-            ("p0 / pi + p1 * exp((wh.z - 1) / p2)",), tuple((n, *b) for n, b in BOUNDS.items()), FitSettings()
-        )
-        return problem, describe(problem, DescriptionJob(job, confirm(problem, ConfirmJob(job)).fit)).fit
+        found = fit(LOBE, problem.sample, problem.metric, BOUNDS, FitSettings())
+        return problem, polish(LOBE, problem.full, problem.metric, BOUNDS, found)
 
     return make

@@ -69,3 +69,17 @@ def test_no_material_grows_by_more_than_the_tolerance_and_more_tolerance_takes_n
         tied, free = (np.linalg.norm(fit.errors[rows]) for fit in (found.fit, found.free))
         assert free * (1 - 1e-7) <= tied <= (1 + tolerance) * free + 1e-5
     assert found.sharing.numbers(2) <= stricter.sharing.numbers(2)
+
+
+@pytest.mark.parametrize("scale", [1e7, 1e-9])
+def test_what_is_shared_does_not_depend_on_the_units(lobes, scale):
+    """A measurement in other units, beyond the bounds of p0 and p1: the same scopes and errors, colours scaled."""
+
+    def materials(unit):
+        made = of_widths(0.05, 0.05, 0.05, 0.02, 0.02, 0.02)
+        return [tuple((unit * p0, unit * p1, p2) for p0, p1, p2 in channels) for channels in made]
+
+    ordinary, scaled = (shared(lobes(*materials(unit), noise=0.02)) for unit in (1.0, scale))
+    assert scaled.sharing == ordinary.sharing
+    np.testing.assert_allclose(scaled.fit.errors, ordinary.fit.errors, rtol=1e-4)
+    np.testing.assert_allclose(scaled.fit.columns["p1"], scale * ordinary.fit.columns["p1"], rtol=1e-3)

@@ -96,22 +96,6 @@ def test_numbers_are_shared(within_limit):
     assert set(pick["sharing"].values()) != {"channel"}
 
 
-def test_by_speed_the_fastest_is_picked(folder):
-    (found,) = picked(folder, f"light<={LIMIT}", "--by", "speed")
-    for name in NAMES:
-        within = [model["ns"] for model in found["models"] if model["values"][name]["light"] <= LIMIT]
-        assert found["materials"][name]["ns"] == min(within)
-
-
-def test_an_impossible_tolerance_says_none_and_names_the_nearest(folder):
-    (found,) = picked(folder, "psnr>=200")
-    for names in (NAMES[:1], NAMES[1:], NAMES):
-        pick = of(found, names)
-        best = max(found["models"], key=lambda model: min(model["values"][name]["psnr"] for name in names))
-        assert (pick["within"], pick["name"]) == (False, best["name"])
-        assert pick["margins"][names[0]]["psnr"] == pytest.approx(best["values"][names[0]]["psnr"] - 200)
-
-
 def test_what_is_measured_is_what_cards_say():
     """By every metric; of a table, whose picture nothing here fits."""
     scene, material = NamedScene("studio", Scene("studio", resolution=16, light_rows=8), Path()), load("metal")
