@@ -7,7 +7,7 @@ from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fits import ConfirmJob, DescriptionJob, FitJob, FitSettings, confirm, describe, fit_problem, refit
 from fitters.fits.conditioning import conditioning
-from fitters.fits.problem import ORDINARY, Cells
+from fitters.fits.problem import ORDINARY, Cells, of_material
 from fitters.fits.warnings import effective_cells
 
 SETTINGS = FitSettings(starts=32, evaluations=20)
@@ -138,6 +138,16 @@ def test_a_fit_does_not_depend_on_the_units(factor, light, make_material):
     np.testing.assert_allclose(found[1].fit.columns["p1"], factor * np.array([0.5, 0.5, 2.0]), rtol=1e-3)
     assert any("no reflectance in sr^-1" in sentence for sentence in found[1].warnings)
     assert not any("no reflectance" in sentence for sentence in found[0].warnings)
+
+
+def test_parts_of_a_problem_keep_their_units(light, make_material):
+    plain, scaled = make_material("plain", *lobes()), make_material("scaled", *lobes(1e6))
+    problem = fit_problem([plain, scaled], light, metric="light", sample_cells=800, seed=2)
+    assert of_material(problem, 1).sample.units.tolist() == problem.full.units[3:].tolist()
+    assert problem.full.only(np.arange(10)).units is problem.full.units
+    found = described("p0", of_material(problem, 1), {"p0": (1e-6, 100.0)}).fit
+    alone = described("p0", problem_of(plain, light), {"p0": (1e-6, 100.0)}).fit
+    np.testing.assert_allclose(found.columns["p0"], 1e6 * alone.columns["p0"], rtol=1e-3)
 
 
 def test_ordinary_levels_are_never_rescaled(light, make_material):

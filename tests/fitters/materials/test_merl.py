@@ -12,8 +12,8 @@ from fitters.materials.merl import FILE_BYTES, SCALE, write_merl
 
 @pytest.fixture
 def measured():
-    """A table (3, 90, 90, 180) of a colourful material without spikes, a mask without cells below the horizon."""
-    table = np.random.default_rng(1).uniform(0.5, 2, (3, *grid.SHAPE)).astype(np.float32)
+    """A table (3, 90, 90, 180) of a colourful material, and a mask without the cells below the horizon."""
+    table = np.random.default_rng(1).uniform(0.01, 2, (3, *grid.SHAPE)).astype(np.float32)
     return table, grid.above_horizon().copy()
 
 
