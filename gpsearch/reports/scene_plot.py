@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -31,7 +30,6 @@ def plot_scenes(found: Sequence[ScenePicks], tolerance: Tolerance, path: Path) -
     panels[0].set_xscale("log")
     if limit.metric not in HIGHER_IS_BETTER:
         panels[0].set_yscale("log")
-    figure.supxlabel(f"words to store for {len(found[0].alone)} materials", fontsize=9, color=TEXT_COLOUR)
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8)
     figure.savefig(path)
@@ -45,13 +43,14 @@ def _panel(axes: Axes, found: ScenePicks, limit: Limit) -> None:
         sizes, values = [o.words(len(names)) for o in whole], [_worst(o, names, limit) for o in whole]
         axes.plot(sizes, values, marker, color=colour, ms=4, alpha=0.8, label=label)
     axes.axhline(limit.bound, color=TEXT_COLOUR, lw=0.8, ls=(0, (5, 3)), label=str(limit))
+    said = "no model of all materials"
     if (picked := found.together) is not None:
         x, y = picked.offer.words(len(names)), _worst(picked.offer, names, limit)
         axes.plot(x, y, "o", ms=11, mfc="none", mec=PICK_COLOUR, mew=1.5, label="picked for all")
-        said = "the cheapest for all: " if picked.within else "none is within; the nearest: "
-        place: dict[str, Any] = {"xycoords": "axes fraction", "va": "top", "fontsize": 7, "color": PICK_COLOUR}
-        axes.annotate(said + picked.offer.contender.title, (0.02, 0.98), **place)
-    axes.set_title(found.scene.name, fontsize=10, color=TEXT_COLOUR)
+        said = f"{'the cheapest for all' if picked.within else 'none is within; nearest'}: "
+        said += picked.offer.contender.title
+    axes.set_title(f"{found.scene.name}\n{said}", fontsize=9, color=TEXT_COLOUR)
+    axes.set_xlabel(f"words to store for {len(names)} materials")
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
     axes.tick_params(which="both", labelsize=8, colors=TEXT_COLOUR)
 
