@@ -15,7 +15,7 @@ from fitters.materials import Material
 def kept_baseline(name: str, material: Material) -> Fitted:
     """The baseline of a name fitted to a material, without its details, fitted once on a machine.
 
-    Kept by the content of the material and of the code that fits. Raises `FittersError` as `fit_baseline` does.
+    Kept by the samples of the material and of the code that fits. Raises `FittersError` as `fit_baseline` does.
     """
 
     def build() -> dict[str, np.ndarray]:
@@ -28,7 +28,7 @@ def kept_baseline(name: str, material: Material) -> Fitted:
             **{f"model.{key}": values for key, values in model.arrays().items()},
         }
 
-    stored = cache.arrays("baseline", cache.digest(name, material.sha256, _code()), build)
+    stored = cache.arrays("baseline", _key(name, material), build)
     return _fitted(stored)
 
 
@@ -37,6 +37,10 @@ def _fitted(stored: dict[str, Any]) -> Fitted:
     model = KINDS[str(stored["kind"])].from_arrays(arrays)
     model.fit_seconds = float(stored["fit_seconds"])
     return Fitted(model, warnings=tuple(map(str, stored["warnings"])))
+
+
+def _key(name: str, material: Material) -> str:
+    return cache.digest(name, material.name, material.table, material.valid, material.doubts, _code())
 
 
 @once

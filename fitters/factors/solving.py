@@ -81,25 +81,28 @@ def descend_naive(samples: Samples, start: Channel) -> Solved:
     return _solved(problem, last, Channel.of_unknowns(last.x))
 
 
-def alternate_independent_g(samples: Samples, start: Channel, rounds: int = ROUNDS) -> Solved:
+def alternate_independent_g(samples: Samples, start: Channel, rounds: int | None = None) -> Solved:
     """Independent-G by the paper's alternation, on samples that are not folded."""
     return _of_alternation(
-        samples, awls.alternate_independent_g(samples, start, rounds=rounds, tolerance=ROUND_TOLERANCE)
+        samples, awls.alternate_independent_g(samples, start, rounds=rounds or ROUNDS, tolerance=ROUND_TOLERANCE)
     )
 
 
-def alternate_g_from_d(samples: Samples, start: Channel, rounds: int = ROUNDS) -> Solved:
+def alternate_g_from_d(samples: Samples, start: Channel, rounds: int | None = None) -> Solved:
     """G-from-D, likewise, on any samples."""
     solved = _of_alternation(
-        samples, awls.alternate_g_from_d(samples, smith(), start, rounds=rounds, tolerance=ROUND_TOLERANCE)
+        samples,
+        awls.alternate_g_from_d(samples, smith(), start, rounds=rounds or ROUNDS, tolerance=ROUND_TOLERANCE),
     )
     return replace(solved, channel=_shadowed(solved.channel))
 
 
-def alternate_naive(samples: Samples, start: Channel, rounds: int = ROUNDS) -> Solved:
+def alternate_naive(samples: Samples, start: Channel, rounds: int | None = None) -> Solved:
     """The naive model, likewise, on samples that are not folded."""
     flat = replace(start, g=np.ones(samples.geometry.phi.size))
-    return _of_alternation(samples, awls.alternate_naive(samples, flat, rounds=rounds, tolerance=ROUND_TOLERANCE))
+    return _of_alternation(
+        samples, awls.alternate_naive(samples, flat, rounds=rounds or ROUNDS, tolerance=ROUND_TOLERANCE)
+    )
 
 
 def _warmed(samples: Samples, start: Channel) -> Channel:

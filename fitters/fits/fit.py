@@ -202,7 +202,7 @@ def _standard_error(squares: Array, cells: Cells, error: float) -> float:
     return 0.5 * error * np.sqrt(variance) / total
 
 
-def _starts(expression: Expression, box: Array, count: int, shift: int) -> Array:
+def _starts(expression: Expression, box: Array, count: int, shift: int = 0) -> Array:
     """Start coordinates (count, d) in a box (2, d): an even sequence, its offset seeded by the expression."""
     low, high = box
     d = len(low)

@@ -29,6 +29,7 @@ def plan(recipe: ProblemRecipe, *, islands: int, size: int, generations: int, ea
         settings=FitSettings(),
         early_stopping=early_stopping,
         warm_starts=True,
+        culling=0.0,
         baselines=(),
         budget=Budget(generations=generations, seconds=None, candidates=None),
     )
