@@ -15,7 +15,7 @@ import pytest
 
 from fitters.grid import CELLS, cell_index, half_diff
 from fitters.scenes import EnvironmentMap, load_light
-from fitters.scenes.kernel import sphere_normals
+from fitters.scenes.geometry import sphere
 
 SHARED = Path(__file__).parents[2] / "shared"
 GRACE = SHARED / "data/envmaps/grace_probe_latlong.hdr"
@@ -63,7 +63,7 @@ def folded_table(light, normals):
 @cache
 def reference_table():
     """The light table (3, CELLS) that the published errors are under."""
-    return folded_table(reduced_by_index(load_light(str(GRACE)), 48), sphere_normals(64))
+    return folded_table(reduced_by_index(load_light(str(GRACE)), 48), sphere(64).normals)
 
 
 def surrogates(names):

@@ -1,4 +1,10 @@
-"""Which cells a pixel sees, and by how much light: one row of the image map after the other."""
+"""Which cells a pixel sees, and by how much light: one row of the image map after the other.
+
+The integral over light directions is taken in two ways. Within `NEAR_BINS` bins of theta_half, half vectors are
+laid around the normal, as fine as the bins there: so the sharpest lobe keeps its energy. Elsewhere every texel of
+the light gives all its energy to one cell, texels being as large as the bins allow: so the smallest window of the
+light is seen.
+"""
 
 import math
 
@@ -8,119 +14,188 @@ from numpy.typing import NDArray
 
 from fitters import compiled
 from fitters.grid import CELLS, SHAPE, Array
-from fitters.scenes.environment import EnvironmentMap
-from fitters.scenes.kernel import cell_of
+from fitters.rendering.shared_exponent import packed_row
+from fitters.scenes.cells import cell_index, cell_of, frame_about, texel_of
 
-LEVELS = 4
-"""A texel is one sample, or 4, 16 or 64."""
-WIDTHS = 3.0
-"""Samples of a texel lie closer than so many bins of theta_half, as far as `LEVELS` allows."""
+NEAR_BINS = 12
+"""Up to 1.6 degrees from the normal."""
+STEPS, AZIMUTHS = 3, 96
+"""Half vectors in each of these bins: so many rings of so many."""
+SPREAD = 1.4
+"""Elsewhere half vectors of a texel spread over so many bins at most."""
+BLOCK = SHAPE[1] * SHAPE[2]
+"""Cells of a bin of theta_half."""
 
 
-def rows(
-    light: EnvironmentMap, normals: Array, views: Array, visible: NDArray[np.bool_] | None
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
-    """Row pointers (p + 1,), cells (n,) rising in each row, and weights (n, 3): sums of L cos(theta_i) d omega.
+@compiled.entry(nogil=True)
+def pixel_rows(
+    normals: Array,
+    views: Array,
+    visible: NDArray[np.bool_],
+    light_rows: int,
+    texels: Array,
+    rows: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    steps: int,
+    azimuths: int,
+    spread: float,
+) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
+    """What pixels of these normals and views (p, 3) see, in the packed form of `fitters.rendering.ImageMap`.
 
-    normals and views (p, 3); visible (p, texels) or None for all. Texels are constant, and are integrated by
-    samples that are the denser the nearer their half vectors are to the normal, where BRDFs have their peaks.
+    `visible` (p, texels) says what of the light, at `light_rows` rows, each of them sees; (1, 1) for all.
+    `texels`, `rows` and `starts` are those of a `Pyramid`.
     """
-    emission = (light.radiance * light.solid_angles()[..., None]).reshape(-1, 3)
-    shining = np.flatnonzero(emission.any(axis=1))
-    samples = [_samples(light.rows, 1 << level)[shining] for level in range(LEVELS)]
-    seen = np.ones((1, len(shining)), bool) if visible is None else np.ascontiguousarray(visible[:, shining])
-    return _rows(
-        np.ascontiguousarray(normals),
-        np.ascontiguousarray(views),
-        seen,
-        emission[shining],
-        np.ascontiguousarray(np.concatenate(samples, axis=1)),
-        math.pi / light.rows / 2,
-    )
-
-
-def _samples(rows: int, across: int) -> Array:
-    """Unit directions (texels, across^2, 3) of sub-texels of equal solid angle, texels row by row."""
-    edges = np.cos(np.arange(rows + 1) / rows * np.pi)
-    share = (np.arange(across) + 0.5) / across
-    cos_theta = edges[:-1, None] + share * np.diff(edges)[:, None]
-    phi = (np.arange(2 * rows)[:, None] + share) / rows * np.pi
-    cos_theta = cos_theta[:, None, :, None]
-    sin_theta, phi = np.sqrt(1 - cos_theta**2), phi[None, :, None, :]
-    directions = np.broadcast_arrays(sin_theta * np.sin(phi), cos_theta, -sin_theta * np.cos(phi))
-    return np.stack(directions, axis=-1).reshape(2 * rows**2, across**2, 3)
-
-
-@compiled.entry()
-def _rows(
-    normals: Array, views: Array, seen: NDArray[np.bool_], emission: Array, samples: Array, extent: float
-) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
     count = normals.shape[0]
-    pointers = np.zeros(count + 1, np.int64)
-    cells, weights = np.empty(1 << 20, np.int32), np.empty((1 << 20, 3), np.float32)
+    pointers = np.zeros(count * SHAPE[0] + 1, np.int64)
+    scales = np.zeros(count, np.float32)
+    codes, words = np.empty(1 << 16, np.uint16), np.empty(1 << 16, np.uint32)
     sums, touched = np.zeros((CELLS, 3)), np.empty(CELLS, np.int32)
+    end = 0
     for p in range(count):
-        found = _row(normals[p], views[p], seen[p % len(seen)], emission, samples, extent, sums, touched)
-        end = pointers[p] + found
-        pointers[p + 1] = end
-        while end > len(cells):
-            cells = np.concatenate((cells, np.empty_like(cells)))
-            weights = np.concatenate((weights, np.empty_like(weights)))
+        sees = visible[p % len(visible)]
+        found = _near(normals[p], views[p], sees, light_rows, texels, rows, starts, steps, azimuths, sums, touched)
+        found = _far(normals[p], views[p], sees, light_rows, texels, rows, starts, spread, sums, touched, found)
         touched[:found].sort()
+        while end + found > len(codes):
+            codes = np.concatenate((codes, np.empty_like(codes)))
+            words = np.concatenate((words, np.empty_like(words)))
+        scales[p] = packed_row(sums, touched[:found], words[end : end + found])
         for k in range(found):
             cell = touched[k]
-            cells[pointers[p] + k] = cell
+            codes[end + k] = cell % BLOCK
+            pointers[p * SHAPE[0] + cell // BLOCK + 1] += 1
             for c in range(3):
-                weights[pointers[p] + k, c] = sums[cell, c]
                 sums[cell, c] = 0.0
-    return pointers, cells[: pointers[count]].copy(), weights[: pointers[count]].copy()
+        end += found
+    return np.cumsum(pointers), codes[:end].copy(), words[:end].copy(), scales
 
 
 @njit
-def _row(
+def _near(
     normal: Array,
     view: Array,
-    seen: NDArray[np.bool_],
-    emission: Array,
-    samples: Array,
-    extent: float,
+    sees: NDArray[np.bool_],
+    light_rows: int,
+    texels: Array,
+    rows: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    steps: int,
+    azimuths: int,
     sums: Array,
     touched: NDArray[np.int32],
 ) -> int:
-    """Adds what a pixel sees to `sums` (CELLS, 3), notes the cells in `touched`, and returns their number."""
+    """Adds the light whose half vectors lie in the first `NEAR_BINS` bins to `sums` (CELLS, 3), notes the cells in
+    `touched`, and returns their number.
+    """
+    first, second = frame_about(normal)
+    finest = len(rows) - 1
     found = 0
-    nx, ny, nz = normal
-    for t in range(len(emission)):
-        if not seen[t]:
-            continue
-        first, last = _level(normal, view, samples[t, 0], extent)
-        share = 1.0 / (last - first)
-        for s in range(first, last):
-            w_i = samples[t, s]
-            cos_i = nx * w_i[0] + ny * w_i[1] + nz * w_i[2]
-            if cos_i <= 0.0:
-                continue
-            cell = cell_of(normal, w_i, view, cos_i)
-            if sums[cell, 0] == 0.0 and sums[cell, 1] == 0.0 and sums[cell, 2] == 0.0:
-                touched[found] = cell
-                found += 1
-            for c in range(3):
-                sums[cell, c] += emission[t, c] * (cos_i * share)
+    for half_bin in range(NEAR_BINS):
+        for step in range(steps):
+            low, high = _theta_half(half_bin + step / steps), _theta_half(half_bin + (step + 1) / steps)
+            cos_half, sin_half = math.cos((low + high) / 2), math.sin((low + high) / 2)
+            solid_angle = (math.cos(low) - math.cos(high)) * 2 * math.pi / azimuths
+            for k in range(azimuths):
+                phi = (k + (step + 0.5) / steps) * 2 * math.pi / azimuths
+                half = sin_half * math.cos(phi) * first + sin_half * math.sin(phi) * second + cos_half * normal
+                cos_diff = half[0] * view[0] + half[1] * view[1] + half[2] * view[2]
+                w_i = 2 * cos_diff * half - view
+                cos_i = normal[0] * w_i[0] + normal[1] * w_i[1] + normal[2] * w_i[2]
+                if cos_diff <= 0.0 or cos_i <= 0.0 or not (len(sees) == 1 or sees[texel_of(w_i, light_rows)]):
+                    continue
+                across = (
+                    normal[0] * (half[1] * w_i[2] - half[2] * w_i[1])
+                    + normal[1] * (half[2] * w_i[0] - half[0] * w_i[2])
+                    + normal[2] * (half[0] * w_i[1] - half[1] * w_i[0])
+                )
+                cell = cell_index(half_bin, cos_diff, math.atan2(across, cos_diff * cos_half - cos_i))
+                radiance = texels[starts[finest] + texel_of(w_i, rows[finest])]
+                found = _add(cell, radiance, cos_i * 4 * cos_diff * solid_angle, sums, touched, found)
     return found
 
 
 @njit
-def _level(normal: Array, view: Array, centre: Array, extent: float) -> tuple[int, int]:
-    """The samples of a texel to use, by the bin of its half vectors; `extent` (radians) is how far they reach."""
-    x, y, z = centre[0] + view[0], centre[1] + view[1], centre[2] + view[2]
+def _far(
+    normal: Array,
+    view: Array,
+    sees: NDArray[np.bool_],
+    light_rows: int,
+    texels: Array,
+    rows: NDArray[np.int64],
+    starts: NDArray[np.int64],
+    spread: float,
+    sums: Array,
+    touched: NDArray[np.int32],
+    found: int,
+) -> int:
+    """As `_near` for all other light, texel by texel: one is divided by four until it is small enough."""
+    near, finest = _theta_half(NEAR_BINS), len(rows) - 1
+    # Texels still to be visited: level, row, column. A level holds 4 more than it gives back.
+    waiting = np.empty((2 * rows[0] ** 2 + 128, 3), np.int64)
+    count = 0
+    for row in range(rows[0]):
+        for column in range(2 * rows[0]):
+            waiting[count, 0], waiting[count, 1], waiting[count, 2] = 0, row, column
+            count += 1
+    w_i = np.empty(3)
+    while count > 0:
+        count -= 1
+        level, row, column = waiting[count]
+        stored = min(level, finest)
+        beyond = level - stored
+        radiance = texels[starts[stored] + (row >> beyond) * 2 * rows[stored] + (column >> beyond)]
+        if radiance[0] == 0.0 and radiance[1] == 0.0 and radiance[2] == 0.0:
+            continue
+        across = rows[stored] << beyond
+        extent = math.pi / across
+        upper, lower = math.cos(row * extent), math.cos((row + 1) * extent)
+        w_i[1] = (upper + lower) / 2
+        level_sine, phi = math.sqrt(1 - w_i[1] ** 2), (column + 0.5) * extent
+        w_i[0], w_i[2] = level_sine * math.sin(phi), -level_sine * math.cos(phi)
+        cos_i = normal[0] * w_i[0] + normal[1] * w_i[1] + normal[2] * w_i[2]
+        # The corners of a texel are within 0.71 of its extent, those of its half vectors within half of that.
+        if cos_i < -0.75 * extent:
+            continue
+        theta_half = _angle(normal, w_i, view)
+        nearest = theta_half - 0.36 * extent
+        if theta_half + 0.36 * extent < near:
+            continue
+        # The bin at theta_half is 2 sqrt(theta_half pi / 2) / 90 wide; where near and far meet, texels are small.
+        width = 2 * math.sqrt(max(nearest, near) * (math.pi / 2)) / SHAPE[0]
+        largest = spread * width if nearest >= near else width / 4
+        if extent / 2 > largest or (len(sees) > 1 and across < light_rows):
+            for quarter in range(4):
+                waiting[count, 0] = level + 1
+                waiting[count, 1], waiting[count, 2] = 2 * row + quarter // 2, 2 * column + quarter % 2
+                count += 1
+            continue
+        if theta_half < near or cos_i <= 0.0 or not (len(sees) == 1 or sees[texel_of(w_i, light_rows)]):
+            continue
+        weight = cos_i * (upper - lower) * extent
+        found = _add(cell_of(normal, w_i, view, cos_i), radiance, weight, sums, touched, found)
+    return found
+
+
+@njit
+def _add(cell: int, radiance: Array, weight: float, sums: Array, touched: NDArray[np.int32], found: int) -> int:
+    if sums[cell, 0] == 0.0 and sums[cell, 1] == 0.0 and sums[cell, 2] == 0.0:
+        touched[found] = cell
+        found += 1
+    for c in range(3):
+        sums[cell, c] += radiance[c] * weight
+    return found
+
+
+@njit
+def _theta_half(bins: float) -> float:
+    """The angle at so many bins of theta_half."""
+    return (bins / SHAPE[0]) ** 2 * (math.pi / 2)
+
+
+@njit
+def _angle(normal: Array, w_i: Array, view: Array) -> float:
+    """theta_half of unit directions."""
+    x, y, z = w_i[0] + view[0], w_i[1] + view[1], w_i[2] + view[2]
     length = max(math.sqrt(x * x + y * y + z * z), 1e-12)
-    cos_half = (normal[0] * x + normal[1] * y + normal[2] * z) / length
-    nearest = max(math.acos(min(max(cos_half, -1.0), 1.0)) - extent / 2, extent / 8)
-    # The bin at theta_half is 2 sqrt(theta_half pi / 2) / 90 wide.
-    width = 2 * math.sqrt(nearest * (math.pi / 2)) / SHAPE[0]
-    first, across = 0, 1
-    for _ in range(LEVELS - 1):
-        if across * WIDTHS * width >= extent:
-            break
-        first, across = first + across * across, 2 * across
-    return first, first + across * across
+    cosine = (normal[0] * x + normal[1] * y + normal[2] * z) / length
+    return math.acos(max(min(cosine, 1.0), -1.0))

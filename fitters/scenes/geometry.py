@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 from fitters import cache
 from fitters.errors import FittersError
 from fitters.grid import Array
-from fitters.scenes.kernel import DISC, sphere_normals
+
+DISC = 0.998
+"""Pixels with x^2 + y^2 below this belong to the sphere; the grazing rest is left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +53,14 @@ class Geometry:
 
 
 def sphere(resolution: int) -> Geometry:
-    """The unit sphere that fills a square image of so many pixels across, seen along -z with +y up."""
+    """The unit sphere that fills a square image of so many pixels across, seen along -z with +y up.
+
+    Pixels go row by row from the bottom.
+    """
     axis = (np.arange(resolution) + 0.5) / resolution * 2 - 1
-    seen = axis**2 + axis[:, None] ** 2 < DISC
-    # `sphere_normals` goes row by row from the bottom.
-    row, column = np.nonzero(seen)
-    normals = sphere_normals(resolution)
-    views = np.broadcast_to(np.array([0.0, 0.0, 1.0]), normals.shape)
+    squared = axis**2 + axis[:, None] ** 2
+    row, column = np.nonzero(squared < DISC)
+    normals = np.stack([axis[column], axis[row], np.sqrt(1 - squared[row, column])], axis=-1)
+    views = np.tile([0.0, 0.0, 1.0], (len(normals), 1))
     pixels = (resolution - 1 - row) * resolution + column
-    return Geometry(normals, np.ascontiguousarray(views), pixels, (resolution, resolution))
+    return Geometry(normals, views, pixels, (resolution, resolution))

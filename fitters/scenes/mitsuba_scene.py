@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from fitters.errors import FittersError
 from fitters.grid import Array
-from fitters.scenes.geometry import Geometry
-from fitters.scenes.kernel import DISC
+from fitters.scenes.geometry import DISC, Geometry
 
 VARIANT = "scalar_rgb"
 """It needs no LLVM, which in versions that do not suit it ends the process."""

@@ -13,10 +13,11 @@ from fitters.grid import CELLS, SHAPE, Array, above_horizon, cell_directions
 from fitters.materials import Material
 from fitters.materials.material import RGB, from_samples
 from fitters.materials.outliers import without_outliers
-from fitters.scenes import LightTable, Scene, light_table
+from fitters.scenes import EnvironmentMap, LightTable, load_light
+from fitters.scenes.sphere import sphere_light
 
-SCENE = Scene(resolution=32, light_rows=16)
-"""Small, so that a trial takes a second: some hundred thousand lit cells."""
+AZIMUTH_STEP = 8
+"""Light lies in every eighth azimuth only, so that a trial takes a second: some hundred thousand lit cells."""
 
 ALPHA = 0.2
 R0: RGB = (0.91, 0.60, 0.42)
@@ -58,7 +59,16 @@ def undisturbed(base: Base, light: LightTable | None = None) -> Case:
 @lru_cache(maxsize=1)
 def studio() -> LightTable:
     """The light of all hazards that do not bring their own."""
-    return light_table(SCENE)
+    return thinned_light(load_light("studio"))
+
+
+def thinned_light(light: EnvironmentMap) -> LightTable:
+    """The light table of the sphere under a map, of every `AZIMUTH_STEP`-th azimuth."""
+    table = sphere_light(light).astype(np.float32)
+    table[..., np.arange(SHAPE[2]) % AZIMUTH_STEP != 0] = 0.0
+    return LightTable(
+        table, np.any(table > 0, axis=0), cache.digest("thinned light", AZIMUTH_STEP, light.radiance)
+    )
 
 
 def formula_samples(name: str, *channels: Mapping[str, float]) -> Array:

@@ -1,6 +1,7 @@
 """How much of published formulas can go for how much error: `python -m tests.benchmarks.culling [--data FOLDER]`.
 
-Every formula is fitted to the materials of `tests.benchmarks.problem`, all together, and culled at every tolerance.
+Every formula is fitted to the materials of `tests.benchmarks.problem`, all together, and culled at every
+tolerance.
 """
 
 from pathlib import Path

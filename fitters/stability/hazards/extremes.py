@@ -2,25 +2,23 @@
 
 import numpy as np
 
-from fitters import cache
 from fitters.grid import Array
-from fitters.scenes import EnvironmentMap, LightTable
-from fitters.scenes.kernel import integrate, sphere_normals
-from fitters.scenes.lights import load_light
+from fitters.scenes import EnvironmentMap, LightTable, load_light
 from fitters.stability.case import (
     R0,
-    SCENE,
     Base,
     Case,
     Known,
     formula_samples,
     other_truth,
     samples_of,
+    thinned_light,
 )
 from fitters.stability.hazards.hazard import Hazard
 
 SHARP_ALPHA, MIRROR_ALPHA = 0.005, 0.02
 SCALES = (1e-6, 1e6)
+LIGHT_ROWS = 16
 TEXEL = (4, 22)
 """Row and column of the one texel that shines, of 16 x 32: 50 degrees from the zenith, behind the camera."""
 CRESCENT = (8, 31)
@@ -43,11 +41,10 @@ def _mirror(base: Base, level: int, seed: int) -> Case:
 
 def one_texel(row: int, column: int) -> LightTable:
     """The light of a single texel as bright as all of the studio together."""
-    radiance = np.zeros((SCENE.light_rows, 2 * SCENE.light_rows, 3))
+    radiance = np.zeros((LIGHT_ROWS, 2 * LIGHT_ROWS, 3))
     dark = EnvironmentMap(np.ones_like(radiance))
     radiance[row, column] = load_light("studio").power() / dark.solid_angles()[row]
-    table = integrate(EnvironmentMap(radiance), sphere_normals(SCENE.resolution)).astype(np.float32)
-    return LightTable(table, np.any(table > 0, axis=0), cache.digest("one texel", row, column, table))
+    return thinned_light(EnvironmentMap(radiance))
 
 
 def _dark_scene(base: Base, level: int, seed: int) -> Case:

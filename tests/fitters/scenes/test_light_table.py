@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fitters.scenes.kernel import integrate, sphere_normals
 
 from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, cell_index, half_diff
 from fitters.scenes import EnvironmentMap, LightTable, Scene, light_table, load_light
-from fitters.scenes.kernel import integrate, sphere_normals
 
 GRACE = Path(__file__).parents[4] / "shared/data/envmaps/grace_probe_latlong.hdr"
 SMALL = Scene(resolution=8, light_rows=6)

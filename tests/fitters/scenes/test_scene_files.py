@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from fitters.scenes.kernel import integrate, integrate_seen
 
 from fitters.errors import FittersError
 from fitters.materials import load_material
@@ -13,7 +14,6 @@ from fitters.rendering.kernel import rows
 from fitters.scenes import Scene, light_table, load_light
 from fitters.scenes.geometries import load_geometry
 from fitters.scenes.geometry import sphere
-from fitters.scenes.kernel import integrate, integrate_seen
 from fitters.scenes.mitsuba_scene import mitsuba_geometry
 
 PIXELS, ROWS = 32, 24

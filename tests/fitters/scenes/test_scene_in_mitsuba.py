@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from fitters.scenes.kernel import integrate, sphere_normals
 
 from fitters.grid import SHAPE, cell_directions
 from fitters.scenes.environment import EnvironmentMap
-from fitters.scenes.kernel import integrate, sphere_normals
 from fitters.scenes.lights import studio
 
 PIXELS = 32
