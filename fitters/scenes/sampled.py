@@ -5,7 +5,6 @@ finds small bright windows, and half vectors around the normal, which resolves t
 counts by the density of both together (the balance heuristic of Veach 1997), so that the table has no bias.
 """
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -21,7 +20,7 @@ from fitters.scenes.geometry import Geometry
 
 TOLERANCE = 0.05
 """A table has converged at this relative L2 distance from its limit, as two halves of the samples tell it."""
-ROUNDS = 6
+ROUNDS = 7
 """So often the number of samples is doubled at most."""
 LIGHT_SAMPLES = 128
 """Light directions at a point of the surface, each time that all points are visited."""
@@ -58,42 +57,43 @@ def sampled_table(
 
     The mean is over `points`, an image of the surface that may be finer than `image`. Each point sees as much of
     the light, at `light_rows` x 2 `light_rows` texels, as the nearest pixel of `image`. The distance is half that
-    of two tables made from half of the samples each; after `ROUNDS` it may still be above `tolerance`.
+    of two tables made from half of the points each; after `ROUNDS` it may still be above `tolerance`.
     """
     drawn = _drawn(light, light_rows)
     visible = np.ones((1, 1), bool) if image.visible is None else image.visible
     places = np.zeros(len(points.pixels), np.int64) if image.visible is None else _nearest(points, image)
-    normals, views = (np.ascontiguousarray(of) for of in (points.normals, points.views))
 
     def batch(seed: int) -> Array:
-        table, shifts = np.zeros((CELLS, 3)), np.random.default_rng(seed).random(3)
+        table, shifts, half = np.zeros((CELLS, 3)), np.random.default_rng(seed).random(3), slice(seed % 2, None, 2)
+        normals, views = (np.ascontiguousarray(of[half]) for of in (points.normals, points.views))
         _gather(
-            normals, views, visible, places, drawn.directions, drawn.radiance, drawn.density, drawn.seen_as,
-            drawn.texels, drawn.texel_density, drawn.rows, light_rows, LIGHT_SAMPLES, HALF_SAMPLES, shifts, table,
+            normals, views, visible, places[half].copy(), drawn.directions, drawn.radiance, drawn.density,
+            drawn.seen_as, drawn.texels, drawn.texel_density, drawn.rows, light_rows, LIGHT_SAMPLES, HALF_SAMPLES,
+            shifts, table,
         )  # fmt: skip
-        return table
+        return table / max(len(normals), 1)
 
-    halves, done, distance = np.zeros((2, CELLS, 3)), 0, np.inf
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for level in range(ROUNDS):
-            seeds = range(done, 2 << level)
-            # Added up in the order of their seeds, whoever is done first; no more are held than there are threads.
-            for first in range(seeds.start, seeds.stop, 2):
-                for half, table in enumerate(pool.map(batch, (first, first + 1))):
+    halves, rounds, distance = np.zeros((2, CELLS, 3)), 0, np.inf
+    with ThreadPoolExecutor(2) as pool:
+        while distance > tolerance and rounds < 1 << ROUNDS:
+            for seed in range(rounds, max(2 * rounds, 1)):
+                # Added up in one order, whoever is done first.
+                for half, table in enumerate(pool.map(batch, (2 * seed, 2 * seed + 1))):
                     halves[half] += table
-            done = seeds.stop
+            rounds = max(2 * rounds, 1)
             distance = _distance(halves)
-            if distance <= tolerance:
-                break
-    table = halves.sum(axis=0) / (done * len(normals))
-    return np.ascontiguousarray(table.T).reshape(3, *SHAPE), distance
+    return np.ascontiguousarray(halves.sum(axis=0).T).reshape(3, *SHAPE) / (2 * rounds), distance
 
 
 def _distance(halves: Array) -> float:
-    """Half the relative L2 distance of two tables (2, cells, 3), the largest of the channels."""
-    apart = np.linalg.norm(halves[0] - halves[1], axis=0)
-    together = np.linalg.norm(halves[0] + halves[1], axis=0)
-    return float(np.max(np.divide(apart, together, out=np.zeros(3), where=together > 0)))
+    """Relative L2 distance of the mean of two tables (2, cells, 3) from their limit, the largest of the channels.
+
+    Their errors are independent: the mean is half their difference away from the limit, which is so much shorter
+    than the mean itself.
+    """
+    apart = np.sum((halves[0] - halves[1]) ** 2, axis=0)
+    limit = np.sum((halves[0] + halves[1]) ** 2, axis=0) - apart
+    return float(np.sqrt(np.max(np.divide(apart, limit, out=np.where(apart > 0, np.inf, 0.0), where=limit > 0))))
 
 
 def _nearest(points: Geometry, image: Geometry) -> NDArray[np.int64]:

@@ -133,6 +133,11 @@ def _fitted(name: str, problem: FitProblem) -> tuple[Model, float, tuple[str, ..
     if name in TABULATED:
         fitted = fit_baseline(name, problem.source.materials[0])
         return fitted.model, float(np.max(fitted.details["iterations"])), fitted.warnings
+    return fitted_model(name, problem), math.nan, ()
+
+
+def fitted_model(name: str, problem: FitProblem) -> FormulaModel:
+    """A catalogue formula fitted to a problem's only material."""
     published = formula(name)
     bounds = tuple((symbol, *interval) for symbol, interval in published.bounds.items())
     text = to_text(published.expression)
@@ -140,7 +145,7 @@ def _fitted(name: str, problem: FitProblem) -> tuple[Model, float, tuple[str, ..
     columns = [confirmed.fit.names.index(symbol) for symbol in parse(text).parameters]
     model = FormulaModel(parse(text), confirmed.fit.values[:, columns])
     model.fit_seconds = confirmed.seconds
-    return model, math.nan, ()
+    return model
 
 
 def _pictures(scene: Scene, material: Material, models: list[Model]) -> list[Picture]:
