@@ -2,8 +2,8 @@
 
 The integral over light directions is taken in two ways. Within `NEAR_BINS` bins of theta_half, half vectors are
 laid around the normal, as fine as the bins there: so the sharpest lobe keeps its energy. Elsewhere every texel of
-the light gives all its energy to one cell, texels being as large as the bins allow: so the smallest window of the
-light is seen.
+the light gives all its energy to the cell of its middle, texels being as large as the bins allow: so the smallest
+window of the light is seen.
 """
 
 import math
@@ -21,8 +21,10 @@ NEAR_BINS = 12
 """Up to 1.6 degrees from the normal."""
 STEPS, AZIMUTHS = 3, 96
 """Half vectors in each of these bins: so many rings of so many."""
-SPREAD = 1.4
-"""Elsewhere half vectors of a texel spread over so many bins at most."""
+SPREAD = 2.0
+"""Elsewhere half vectors of a texel spread over so many bins at most, and over half as many within `FINE_BINS`."""
+FINE_BINS = 30
+"""Up to 10 degrees from the normal, where most lobes lie."""
 BLOCK = SHAPE[1] * SHAPE[2]
 """Cells of a bin of theta_half."""
 
@@ -34,6 +36,7 @@ def pixel_rows(
     visible: NDArray[np.bool_],
     light_rows: int,
     texels: Array,
+    centres: Array,
     rows: NDArray[np.int64],
     starts: NDArray[np.int64],
     steps: int,
@@ -43,7 +46,7 @@ def pixel_rows(
     """What pixels of these normals and views (p, 3) see, in the packed form of `fitters.rendering.ImageMap`.
 
     `visible` (p, texels) says what of the light, at `light_rows` rows, each of them sees; (1, 1) for all.
-    `texels`, `rows` and `starts` are those of a `Pyramid`.
+    `texels`, `centres`, `rows` and `starts` are those of a `Pyramid`.
     """
     count = normals.shape[0]
     pointers = np.zeros(count * SHAPE[0] + 1, np.int64)
@@ -54,7 +57,9 @@ def pixel_rows(
     for p in range(count):
         sees = visible[p % len(visible)]
         found = _near(normals[p], views[p], sees, light_rows, texels, rows, starts, steps, azimuths, sums, touched)
-        found = _far(normals[p], views[p], sees, light_rows, texels, rows, starts, spread, sums, touched, found)
+        found = _far(
+            normals[p], views[p], sees, light_rows, texels, centres, rows, starts, spread, sums, touched, found
+        )
         touched[:found].sort()
         while end + found > len(codes):
             codes = np.concatenate((codes, np.empty_like(codes)))
@@ -121,6 +126,7 @@ def _far(
     sees: NDArray[np.bool_],
     light_rows: int,
     texels: Array,
+    centres: Array,
     rows: NDArray[np.int64],
     starts: NDArray[np.int64],
     spread: float,
@@ -129,7 +135,7 @@ def _far(
     found: int,
 ) -> int:
     """As `_near` for all other light, texel by texel: one is divided by four until it is small enough."""
-    near, finest = _theta_half(NEAR_BINS), len(rows) - 1
+    near, fine, finest = _theta_half(NEAR_BINS), _theta_half(FINE_BINS), len(rows) - 1
     # Texels still to be visited: level, row, column. A level holds 4 more than it gives back.
     waiting = np.empty((2 * rows[0] ** 2 + 128, 3), np.int64)
     count = 0
@@ -143,7 +149,8 @@ def _far(
         level, row, column = waiting[count]
         stored = min(level, finest)
         beyond = level - stored
-        radiance = texels[starts[stored] + (row >> beyond) * 2 * rows[stored] + (column >> beyond)]
+        texel = starts[stored] + (row >> beyond) * 2 * rows[stored] + (column >> beyond)
+        radiance = texels[texel]
         if radiance[0] == 0.0 and radiance[1] == 0.0 and radiance[2] == 0.0:
             continue
         across = rows[stored] << beyond
@@ -162,13 +169,18 @@ def _far(
             continue
         # The bin at theta_half is 2 sqrt(theta_half pi / 2) / 90 wide; where near and far meet, texels are small.
         width = 2 * math.sqrt(max(nearest, near) * (math.pi / 2)) / SHAPE[0]
-        largest = spread * width if nearest >= near else width / 4
+        bins = spread if nearest >= fine else spread / 2
+        largest = bins * width if nearest >= near else width / 4
         if extent / 2 > largest or (len(sees) > 1 and across < light_rows):
             for quarter in range(4):
                 waiting[count, 0] = level + 1
                 waiting[count, 1], waiting[count, 2] = 2 * row + quarter // 2, 2 * column + quarter % 2
                 count += 1
             continue
+        if beyond == 0:
+            w_i[:] = centres[texel]
+            cos_i = normal[0] * w_i[0] + normal[1] * w_i[1] + normal[2] * w_i[2]
+            theta_half = _angle(normal, w_i, view)
         if theta_half < near or cos_i <= 0.0 or not (len(sees) == 1 or sees[texel_of(w_i, light_rows)]):
             continue
         weight = cos_i * (upper - lower) * extent

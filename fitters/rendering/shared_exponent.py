@@ -1,6 +1,6 @@
 """Colours of light in 32 bits: three mantissas of nine bits and one exponent (R9G9B9E5 of OpenGL and Direct3D).
 
-The largest channel is kept to one part in a thousand, the others to as much of it, over twelve decades of light.
+Channels are kept to one part in 512 of the largest, over twelve decades of light.
 """
 
 import math

@@ -122,7 +122,7 @@ def pictures(light: EnvironmentMap, materials: Iterable[Material], resolution: i
             **arrays, pixels=geometry.pixels, facing=geometry.normals[:, 2], shape=geometry.shape, sha256=""
         )
 
-    used, finer = image(arrays), image(mapped(light, geometry, 1, steps=6, azimuths=192, spread=0.7))
+    used, finer = image(arrays), image(mapped(light, geometry, 1, steps=6, azimuths=192, spread=1.0))
     lines = []
     for material in materials:
         first, second = (one.of_material(material).pixels for one in (used, finer))

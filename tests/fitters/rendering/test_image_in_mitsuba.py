@@ -6,10 +6,10 @@ import pytest
 from fitters.expressions.evaluation import features
 from fitters.grid import CELLS, cell_directions
 from fitters.materials import load_material
-from fitters.rendering.kernel import rows
 from fitters.scenes.environment import EnvironmentMap
 from fitters.scenes.geometry import sphere
 from fitters.scenes.lights import studio
+from tests.fitters.rendering.test_image_map import image_of
 from tests.reference_scene import SHARED
 
 PIXELS, LIGHT_ROWS, SAMPLES = 16, 24, 2048
@@ -49,9 +49,9 @@ def rendered(mi, light, bsdf):
 def mapped(light, values):
     """Our image (PIXELS, PIXELS, 3) for BRDF values (CELLS, 3), and which pixels lie well inside the sphere."""
     geometry = sphere(PIXELS * FINER)
-    pointers, cells, weights = rows(light, geometry.normals, geometry.views, None)
+    seen = image_of(light, geometry)
     image, facing = np.zeros(((PIXELS * FINER) ** 2, 3)), np.zeros((PIXELS * FINER) ** 2)
-    image[geometry.pixels] = np.add.reduceat(values[cells] * weights, pointers[:-1])
+    image[geometry.pixels] = seen.radiance(values[seen.cells])
     facing[geometry.pixels] = geometry.normals[:, 2]
     blocks = (PIXELS, FINER, PIXELS, FINER)
     return image.reshape(*blocks, 3).mean(axis=(1, 3)), facing.reshape(blocks).min(axis=(1, 3)) > 0.4

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from fitters.scenes.kernel import integrate, sphere_normals
 
 from fitters.grid import SHAPE, cell_directions
 from fitters.scenes.environment import EnvironmentMap
+from fitters.scenes.geometry import sphere
 from fitters.scenes.lights import studio
+from fitters.scenes.sphere import sphere_light
 
 PIXELS = 32
 ROTATION = 40.0
@@ -52,9 +53,9 @@ def test_a_lambertian_sphere(mitsuba):
     light, albedo = studio(64), np.array([0.8, 0.5, 0.2])
     bsdf = {"type": "diffuse", "reflectance": {"type": "rgb", "value": albedo.tolist()}}
     image = render(mitsuba, light, bsdf, ROTATION)
-    turned, normals = light.rotated(ROTATION), sphere_normals(PIXELS)
+    turned, normals = light.rotated(ROTATION), sphere(PIXELS).normals
 
-    table = integrate(turned, sphere_normals(64))
+    table = sphere_light(turned)
     np.testing.assert_allclose(sphere_mean(image), albedo / np.pi * table.sum(axis=(1, 2, 3)), rtol=0.01)
 
     # Pixel by pixel: a mirrored camera, map or rotation would pass the mean but not this.
@@ -72,7 +73,7 @@ def test_a_rough_conductor_seen_through_the_cells(mitsuba):
     bsdf = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": 0.5}
     image = render(mi, light, bsdf, 0.0)
 
-    table = integrate(light, sphere_normals(PIXELS))
+    table = sphere_light(light)
     w_i, w_o = cell_directions()
     above = ((w_i[:, 2] > 0) & (w_o[:, 2] > 0)).reshape(SHAPE)
     cells = np.flatnonzero((table.sum(axis=0) > 0) & above)
