@@ -3,14 +3,14 @@
 import os
 import re
 import stat
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from pydantic import ValidationInfo
 
 from fitters.errors import FittersError
 from fitters.expressions import Expression, parse, to_text
-from fitters.expressions.catalogue import CATALOGUE
+from fitters.expressions.catalogue import CATALOGUE, Formula
 from fitters.materials import builtin_names
 from fitters.materials.loading import READERS
 from fitters.scenes.lights import BUILT_IN
@@ -26,7 +26,11 @@ PEM_SUFFIXES = (".pem", ".crt", ".cer", ".key")
 LARGEST_PEM = 1_000_000
 """Bytes."""
 ALL = "all"
-"""The codebank entry that stands for the whole catalogue."""
+GROUPS: Mapping[str, Callable[[Formula], bool]] = {
+    ALL: lambda formula: True,
+    "published-2013": lambda formula: formula.year <= 2013,
+}
+"""Codebank entries that stand for formulas of the catalogue: all, or what there was before the genBRDF paper."""
 MAX_NODES = 1000
 """The size of the largest expression that a configuration may hold or a search may reach."""
 
@@ -171,7 +175,12 @@ def check_formula(entry: str, info: ValidationInfo) -> str:
 
 
 def check_codebank(entry: str, info: ValidationInfo) -> str:
-    return entry if entry == ALL else check_formula(entry, info)
+    """As `check_formula`; the name of one of `GROUPS` is valid, too."""
+    if entry in GROUPS:
+        return entry
+    if (near := nearest(entry, GROUPS, cutoff=0.8)) and entry not in CATALOGUE:
+        raise ValueError(f"{shown(entry)} is no group of the catalogue; did you mean {near}?")
+    return check_formula(entry, info)
 
 
 def resolve_formula(entry: str) -> Expression:

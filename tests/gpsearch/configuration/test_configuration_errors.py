@@ -56,6 +56,10 @@ from tests.unprivileged import public_folder, unprivileged
         ("search: {max_nodes: 4}", "search.max_nodes: found 4; allowed: a whole number from 5 to 1000"),
         ("search: {parameters: 9}", "search.parameters: found 9; allowed: a whole number from 1 to 8"),
         ("search: {bounds: [2, 1]}", "search.bounds: found [2.0, 1.0]; allowed: [low, high] with low < high"),
+        (
+            "search: {codebank: published-2012}",
+            "search.codebank[0]: 'published-2012' is no group of the catalogue",
+        ),
         ("search: {bounds: [2]}", "search.bounds[1]: is missing; allowed: two finite numbers [low, high]"),
         ("search: {bounds: [0, .inf]}", "search.bounds[1]: found inf; allowed: two finite numbers"),
         ("search: {edits: {swap: -1}}", "search.edits.swap: found -1; allowed: a finite number of at least 0"),

@@ -130,9 +130,25 @@ def test_all_of_the_codebank_keeps_within_the_parameters(load):
     assert set(CATALOGUE) - {f.name for f in CATALOGUE.values() if f.expression in within_parameters(8)} == {"sgd"}
 
 
-def within_parameters(count):
+def test_a_group_holds_what_was_published_before_the_paper(load):
+    expressions = load("search: {codebank: published-2013, parameters: 8}").codebank_expressions()
+    later = {"genbrdf-metal", "genbrdf-dielectric"}
+    assert expressions == within_parameters(8, without=later)
+    assert all(CATALOGUE[name].expression in expressions for name in ("ggx", "abc", "disney-specular"))
+    assert not any(CATALOGUE[name].expression in expressions for name in later)
+
+
+def test_a_group_may_be_joined_by_more(load):
+    expressions = load("search: {codebank: ['p0 * wi.z', published-2013, genbrdf-metal]}").codebank_expressions()
+    assert to_text(expressions[0]) == "p0 * wi.z"
+    assert expressions[1:-1] == within_parameters(4, without={"genbrdf-metal", "genbrdf-dielectric"})
+    assert expressions[-1] == CATALOGUE["genbrdf-metal"].expression
+
+
+def within_parameters(count, without=()):
     """The catalogue's formulas of at most so many parameters."""
-    return tuple(f.expression for f in CATALOGUE.values() if len(f.parameters) <= count)
+    formulas = (f for f in CATALOGUE.values() if f.name not in without)
+    return tuple(f.expression for f in formulas if len(f.parameters) <= count)
 
 
 def test_a_section_may_be_there_but_empty(load):
