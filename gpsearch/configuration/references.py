@@ -48,17 +48,39 @@ def check_material(reference: str, info: ValidationInfo) -> str:
 
 
 def check_no_material_twice(references: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-    """Validates the list of materials: the same file under two names is the same material."""
-    folder = surroundings(info).folder
-    first: dict[str, int] = {}
-    for index, reference in enumerate(references):
-        builtin = reference.startswith(BUILTIN)
-        identity = reference if builtin else os.path.realpath(resolve_path(reference, folder))
-        if identity in first:
-            text = f"{shown(reference)} is materials[{first[identity]}] again; name each material once"
+    """Validates a list of materials, and test materials beside those that a search is on.
+
+    The same file under two names is the same material. Two of one name could not be told apart; a stored run of an
+    earlier version, which found nothing with them, may still name them.
+    """
+    surrounding = surroundings(info)
+    before = info.data.get("materials", ()) if info.field_name == "test_materials" else ()
+    places = [f"materials[{index}]" for index in range(len(before))]
+    places += [f"{info.field_name}[{index}]" for index in range(len(references))]
+    first: dict[str, str] = {}
+    named: dict[str, str] = {}
+    for reference, place in zip((*before, *references), places, strict=True):
+        same = first.setdefault(_identity(reference, surrounding.folder), place)
+        name = material_name(reference)
+        alike = named.setdefault(name, place) if surrounding.check_files else place
+        index = places.index(place) - len(before)
+        if same != place:
+            text = f"{shown(reference)} is {same} again; name each material once"
             raise refuse_at(index, reference, text)
-        first[identity] = index
+        if alike != place:
+            text = f"{shown(reference)} is called {shown(name)} as {alike} is; rename one of the files"
+            raise refuse_at(index, reference, text)
     return references
+
+
+def material_name(reference: str) -> str:
+    """What a material is called: the stem of a file, the name of a built-in."""
+    return reference.removeprefix(BUILTIN) if reference.startswith(BUILTIN) else Path(reference).stem
+
+
+def _identity(reference: str, folder: Path) -> str:
+    """The same for two references to the same material."""
+    return reference if reference.startswith(BUILTIN) else os.path.realpath(resolve_path(reference, folder))
 
 
 def check_no_baseline_twice(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:

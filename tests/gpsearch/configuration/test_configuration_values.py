@@ -90,6 +90,17 @@ def test_a_stored_run_with_a_baseline_twice_still_opens(tmp_path):
     assert stored.baselines == ("ggx", "ggx")
 
 
+def test_a_stored_run_of_two_materials_of_one_name_still_opens(tmp_path):
+    text = "materials: [a/x.bsdf, b/x.bsdf]\n"
+    stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
+    assert stored.material_names == ("x", "x")
+
+
+def test_test_materials_are_none_by_default_and_have_names(load):
+    assert load("seed: 0").test_materials == ()
+    assert load("test_materials: [builtin:fabric]").test_material_names == ("fabric",)
+
+
 def test_a_stored_run_whose_tls_was_configured_elsewhere_still_opens(tmp_path):
     text = "materials: [builtin:metal]\nexecutor: {kind: dask, scheduler: tls://a:1}\n"
     stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
