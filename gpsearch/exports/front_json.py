@@ -60,7 +60,7 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
             for formula in listed_formulas(store)
         ],
         "baselines": [
-            _baseline_entry(name, baselines[name], configuration.metric, materials)
+            baseline_entry(name, baselines[name], configuration.metric, materials)
             | tested(name, _symbols(baselines[name]))
             for name in dict.fromkeys(configuration.baselines)
             if name in baselines
@@ -117,7 +117,8 @@ def _culled_entry(formula: ListedFormula) -> dict[str, Any]:
     }
 
 
-def _baseline_entry(name: str, baseline: Baseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
+def baseline_entry(name: str, baseline: Baseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
+    """A baseline as an export has it, but for its `test`."""
     if isinstance(baseline, FormulaBaseline):
         entry = _formula_entry(name, baseline.description, materials)
     else:
