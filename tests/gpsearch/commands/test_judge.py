@@ -68,9 +68,16 @@ def judged(folder, *options):
     return json.loads(done.stdout)
 
 
-def test_a_run_is_judged_on_test_materials_apart_from_the_others(tested, monkeypatch):
+@pytest.fixture(scope="module")
+def report(tested):
+    """Of `tested`, judged in small pictures."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenes, "IMAGE_RESOLUTION", 32)
+        return judged(tested, "run", "-o", "pictures")
+
+
+def test_a_run_is_judged_on_test_materials_apart_from_the_others(tested, report, monkeypatch):
     monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
-    report = judged(tested, "run", "-o", "pictures")
     assert (report["materials"], report["test_materials"]) == (["metal", "rough-plastic"], ["fabric"])
     for model in report["models"]:
         assert list(model["cards"]) == ["metal", "rough-plastic", "fabric"]
@@ -88,28 +95,28 @@ def test_a_run_is_judged_on_test_materials_apart_from_the_others(tested, monkeyp
     assert len(list((tested / "pictures").glob("*.png"))) == count
 
 
-def test_only_the_materials_that_are_named_are_judged(tested, monkeypatch):
+def test_only_the_materials_that_are_named_are_judged(tested, report, monkeypatch):
     monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
-    whole = {model["name"]: model["cards"] for model in judged(tested, "run")["models"]}
-    report = judged(tested, "run", "--material", "fabric")
-    assert (report["materials"], report["test_materials"]) == ([], ["fabric"])
-    assert {model["name"]: model["cards"]["fabric"] for model in report["models"]} == {
-        name: cards["fabric"] for name, cards in whole.items()
-    }
-    report = judged(tested, "run", "--material", "builtin:metal")
-    assert report["materials"] == ["metal"]
-    assert "test_materials" not in report
+    one = judged(tested, "run", "--material", "fabric")
+    assert (one["materials"], one["test_materials"]) == ([], ["fabric"])
+    whole = {model["name"]: model["cards"]["fabric"] for model in report["models"]}
+    assert {model["name"]: model["cards"]["fabric"] for model in one["models"]} == whole
+    one = judged(tested, "run", "--material", "builtin:metal")
+    assert one["materials"] == ["metal"]
+    assert "test_materials" not in one
 
 
-def test_to_a_material_that_is_new_to_the_run_all_models_are_refitted(tested, folder, monkeypatch):
+def test_to_a_material_that_is_new_to_the_run_all_models_are_refitted(report, folder, monkeypatch):
     """As if it had been a test material; beside it, materials of the run are what they were."""
     monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
-    whole = {model["name"]: model["cards"] for model in judged(tested, "run")["models"]}
-    report = judged(folder, "run", "--material", "builtin:fabric", "--material", "metal")
-    assert (report["materials"], report["test_materials"]) == (["metal"], ["fabric"])
-    (fresh,) = (model["cards"]["fabric"] for model in report["models"] if model["name"] == "lambert")
-    assert fresh == whole["lambert"]["fabric"]
-    assert all(list(model["cards"]) == ["metal", "fabric"] for model in report["models"])
+    new = judged(folder, "run", "--material", "builtin:fabric", "--material", "metal")
+    assert (new["materials"], new["test_materials"]) == (["metal"], ["fabric"])
+    known, fresh = (
+        next(model["cards"]["fabric"] for model in one["models"] if model["name"] == "lambert")
+        for one in (report, new)
+    )
+    assert fresh == known
+    assert all(list(model["cards"]) == ["metal", "fabric"] for model in new["models"])
     store = Store.open(folder / "run")
     assert store.transfers() == {}
     store.close()

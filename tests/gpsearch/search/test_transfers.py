@@ -23,7 +23,7 @@ from gpsearch.front import Store
 from gpsearch.search.plan import plan, problem_recipe
 from gpsearch.search.transfers import formula_jobs, transfer_lanes
 from tests.gpsearch.small import Watching, gpsearch, run_search, small, small_text, without_times
-from workers import Done, Failure
+from workers import DaskSettings, Done, Failure, LocalSettings, open_executor
 from workers.local import LocalExecutor
 
 TRAINING = ["metal", "glossy-plastic"]
@@ -180,6 +180,24 @@ def copied(source: Path, folder: Path) -> None:
     """The run of another folder."""
     (folder / "run").mkdir()
     (folder / "run" / "run.sqlite").write_bytes((source / "run" / "run.sqlite").read_bytes())
+
+
+@pytest.mark.slow
+def test_two_worker_processes_find_what_one_process_does(without, tmp_path, monkeypatch):
+    """To the last bit, and neither reads what the other has fitted: the settings are of this test alone."""
+    fronts = []
+    for run, settings in (("spread", DaskSettings(workers=2)), ("alone", LocalSettings())):
+        if run == "alone":
+            monkeypatch.setenv("GPSEARCH_CACHE", str(tmp_path / "cache"))
+        (tmp_path / run).mkdir()
+        copied(without, tmp_path / run)
+        configuration = small(tmp_path, **changes() | {"fit": {"starts": 65, "restarts": 2, "rounds": 1}})
+        with open_executor(settings) as executor:
+            store = run_search(tmp_path / run / "run", configuration, executor=executor)
+        fronts.append(without_times(front_json(store, configuration)))
+        assert store.quarantined() == []
+        store.close()
+    assert fronts[0] == fronts[1]
 
 
 def test_what_is_fitted_is_not_fitted_again(folder, tmp_path):
