@@ -5,9 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-import fitters.engine as engine
-import fitters.expressions as expressions
-from fitters import cache
+from fitters import cache, engine, expressions, materials, scenes
 from fitters.fits.checks import Checks
 from fitters.fits.fit import Fit
 from fitters.fits.problem import FitProblem
@@ -57,5 +55,6 @@ def _read(stored: dict[str, np.ndarray]) -> Description:
 
 
 def _code() -> str:
-    """What fits: a mended fit is not answered with what was found before."""
-    return cache.of_code(Path(__file__).parent, *(Path(package.__path__[0]) for package in (engine, expressions)))
+    """What reads and fits: a mended fit is not answered with what was found before."""
+    packages = (engine, expressions, materials, scenes)
+    return cache.of_code(Path(__file__).parent, *(Path(package.__path__[0]) for package in packages))

@@ -80,12 +80,11 @@ def _chosen(references: tuple[str, ...], configuration: Configuration) -> list[N
     chosen = [named_material(reference, configuration) for reference in references]
     for reference, one in zip(references, chosen, strict=True):
         if one.role == "training":
-            raise GpsearchError(_SEARCHED_ON.format(reference))
+            raise GpsearchError(
+                f"--material {reference}: the run was searched on it; name materials that it was not searched on"
+            )
     require_different_names(chosen)
     return chosen
-
-
-_SEARCHED_ON = "--material {}: the run was searched on it; name materials that it was not searched on"
 
 
 def _require_different(train: tuple[Material, ...], test: list[Material]) -> None:
@@ -94,7 +93,8 @@ def _require_different(train: tuple[Material, ...], test: list[Material]) -> Non
     for material in test:
         if material.sha256 in known:
             raise GpsearchError(
-                _SEARCHED_ON.format(material.name) + f" ({material.name} holds what {known[material.sha256]} does)"
+                f"{material.name}: the run was searched on it, it holds what {known[material.sha256]} does; name"
+                " materials with --material that it was not searched on"
             )
 
 

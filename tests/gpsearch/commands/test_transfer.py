@@ -212,5 +212,4 @@ def test_a_material_of_the_search_under_another_name_is_refused(tmp_path):
     assert gpsearch("launch", "a.yaml", "--run", "run", cwd=tmp_path).returncode == 0
     result = gpsearch("transfer", "run", "--material", "iron.binary", cwd=tmp_path)
     assert (result.returncode, result.stdout) == (2, "")
-    assert "--material iron: the run was searched on it" in result.stderr
-    assert "iron holds what steel does" in result.stderr
+    assert "iron: the run was searched on it, it holds what steel does; name materials with" in result.stderr

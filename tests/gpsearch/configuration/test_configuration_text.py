@@ -19,6 +19,7 @@ trees = st.fixed_dictionaries(
     optional={
         "name": st.from_regex(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,20}", fullmatch=True),
         "seed": st.integers(0, 2**63 - 1),
+        "test_materials": st.lists(files.map(lambda file: f"{file}.bsdf"), max_size=3, unique=True),
         "scene": st.fixed_dictionaries({}, optional={"rotation": st.floats(-1e300, 1e300)}),
         "executor": st.sampled_from(["local", "dask", {"kind": "dask", "scheduler": "tls://[::1]:8786"}])
         | st.fixed_dictionaries(
