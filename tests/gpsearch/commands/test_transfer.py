@@ -213,3 +213,39 @@ def test_a_material_of_the_search_under_another_name_is_refused(tmp_path):
     result = gpsearch("transfer", "run", "--material", "iron.binary", cwd=tmp_path)
     assert (result.returncode, result.stdout) == (2, "")
     assert "iron: the run was searched on it, it holds what steel does; name materials with" in result.stderr
+
+
+def test_a_table_that_cannot_be_fitted_to_a_test_material_is_no_error(tmp_path):
+    """It has no test error, nothing lies below it, and the reason is told."""
+    metal = load_material("builtin:metal")
+    dark = metal.valid.copy()
+    dark[:, 0] = False  # nothing is known of its backscattering
+    write_merl(tmp_path / "dark.binary", metal.table, dark)
+    changes = {"test_materials": ["builtin:fabric", "dark.binary"], "baselines": ["power-iterations"]}
+    (tmp_path / "a.yaml").write_text(small_text(**changes, budget={"generations": 1}))
+    launched = gpsearch("launch", "a.yaml", "--run", "run", cwd=tmp_path)
+    assert launched.returncode == 0, launched.stderr
+    (table,) = (line for line in launched.stdout.splitlines() if "power-iterations" in line)
+    entry = json.loads((tmp_path / "run" / "front.json").read_text())["baselines"][0]
+    assert table.split()[:3] == ["-", f"{entry['error']:.4f}", "-"]
+    reason = "dark: no cell with theta_diff below 1 degree is valid"
+    assert any(warning.startswith(reason) for warning in entry["test"]["warnings"])
+    assert entry["test"]["errors"]["dark"] == [None] * 3
+
+    found = {model["name"]: model for model in transferred(tmp_path, "run")["models"]}
+    model = found["power-iterations"]
+    assert set(model["materials"]["dark"].values()) == {None}
+    assert None not in model["materials"]["fabric"].values()
+    assert model["test"] == {
+        **dict.fromkeys(("error", "l2", "1-ssim", "psnr")),
+        "below": {name: dict.fromkeys(("error", "l2", "1-ssim")) for name in ("cook-torrance", "ggx")},
+    }
+    assert any(warning.startswith(reason) for warning in model["warnings"])
+    text = gpsearch("transfer", "run", cwd=tmp_path)
+    (line,) = (line for line in text.stdout.splitlines() if line.startswith("power-iterations"))
+    assert line.split().count("-") == 1 + 3 + 6
+    judged = gpsearch("judge", "run", "--material", "dark", cwd=tmp_path)
+    assert judged.returncode == 0, judged.stderr
+    (line,) = (line for line in judged.stdout.splitlines() if line.startswith("power-iterations"))
+    assert "  not fitted: " in line
+    assert reason in line
