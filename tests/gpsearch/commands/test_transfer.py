@@ -241,9 +241,6 @@ def test_a_table_that_cannot_be_fitted_to_a_test_material_is_no_error(tmp_path):
         "below": {name: dict.fromkeys(("error", "l2", "1-ssim")) for name in ("cook-torrance", "ggx")},
     }
     assert any(warning.startswith(reason) for warning in model["warnings"])
-    text = gpsearch("transfer", "run", cwd=tmp_path)
-    (line,) = (line for line in text.stdout.splitlines() if line.startswith("power-iterations"))
-    assert line.split().count("-") == 1 + 3 + 6
     judged = gpsearch("judge", "run", "--material", "dark", cwd=tmp_path)
     assert judged.returncode == 0, judged.stderr
     (line,) = (line for line in judged.stdout.splitlines() if line.startswith("power-iterations"))

@@ -1,10 +1,15 @@
 """Shares below a reference, as figures 6 and 9 of the genBRDF paper have them; what is missing does not count."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from fitters.scenes import Scene
 from gpsearch.judging import Contender
-from gpsearch.judging.generality import ERROR, Scored
+from gpsearch.judging.generality import ERROR, IMAGES, Scored
+from gpsearch.judging.generality_report import Generality, generality_json, generality_text
+from gpsearch.judging.scenes import NamedScene
 
 FIGURE_6 = {
     "steel": (0.083, 0.052, 0.369),
@@ -48,3 +53,42 @@ def test_what_has_no_score_has_no_mean_and_nothing_lies_below_it(missing):
     assert one.mean_below(other, ("a", "b"), ERROR) is None
     assert one.mean_below(other, ("b",), ERROR) == pytest.approx(0.5)
     assert other.mean(("a", "b"), ERROR) == (None if missing is None else pytest.approx(np.mean([0.0, 0.4])))
+
+
+def model(name: str, kind: str, value: float | None) -> Scored:
+    """A model with this score by every metric on `a`, and twice it on `b`."""
+    contender = Contender(name, kind, "p0", 1, 3, value, None, (), {})
+    second = None if value is None else 2 * value
+    return Scored(contender, {at: dict.fromkeys((ERROR, *IMAGES), v) for at, v in (("a", value), ("b", second))})
+
+
+def report(*models: Scored) -> Generality:
+    scene = NamedScene("studio", Scene(), Path())
+    references = model("cook-torrance", "formula", 0.2), model("ggx", "formula", 0.1)
+    found = [one for one in models if one.contender.kind == "found"]
+    every = (*models, *references)
+    return Generality("metals", scene, "light", ("a",), ("b",), every, found[-1] if found else None)
+
+
+def test_the_text_has_dashes_for_what_is_missing():
+    lines = generality_text(report(model("12345678", "found", 0.05), model("power-iterations", "table", None)))
+    (line,) = (line for line in lines.splitlines() if line.startswith("power-iterations"))
+    assert line.split()[2:] == ["-"] * 12
+    (line,) = (line for line in lines.splitlines() if line.startswith("found 12345678  "))
+    assert line.split()[2:] == ["1", *["0.0500", "0.1000"] * 3, *["75.0%"] * 3, *["50.0%"] * 3]
+    (line,) = (line for line in lines.splitlines() if line.startswith("  b "))
+    assert line.split()[1:] == ["0.4000", "0.2000", "0.1000", "75.0%", "50.0%"] * 3
+
+
+def test_numbers_of_any_size_stay_in_their_columns():
+    lines = generality_text(
+        report(model("12345678", "found", 700.0), model("87654321", "found", 0.5))
+    ).splitlines()
+    rows = [line for line in lines if line.startswith(("found 12345678 ", "found 87654321  ", "ggx "))]
+    assert len({len(line) for line in rows}) == 1
+
+
+def test_without_a_front_there_is_no_member():
+    found = report(model("bivariate", "table", 0.1))
+    assert generality_json(found)["member"] is None
+    assert "training set" not in generality_text(found)
