@@ -8,6 +8,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
@@ -31,6 +32,12 @@ def digest(*parts: object) -> str:
             part = repr(part).encode()
         state.update(len(part).to_bytes(8, "little") + part)
     return state.hexdigest()[:32]
+
+
+@lru_cache
+def of_code(*folders: Path) -> str:
+    """A content hash of the modules in folders, for results that depend on how they are computed."""
+    return digest(*(path.read_bytes() for folder in folders for path in sorted(folder.glob("*.py"))))
 
 
 def arrays(kind: str, key: str, build: Callable[[], Mapping[str, np.ndarray]]) -> dict[str, np.ndarray]:

@@ -1,6 +1,5 @@
 """Fitted baselines, kept on disk: the tables that a run reported are there for whoever judges it later."""
 
-from functools import cache as once
 from pathlib import Path
 from typing import Any
 
@@ -43,8 +42,6 @@ def _key(name: str, material: Material) -> str:
     return cache.digest(name, material.name, material.table, material.valid, material.doubts, _code())
 
 
-@once
 def _code() -> str:
-    """A content hash of what reads and fits: a mended fit is not answered with what was found before."""
-    folders = [Path(package.__path__[0]) for package in (materials, factors, power_iterations)]
-    return cache.digest(*(path.read_bytes() for folder in folders for path in sorted(folder.glob("*.py"))))
+    """What reads and fits: a mended fit is not answered with what was found before."""
+    return cache.of_code(*(Path(package.__path__[0]) for package in (materials, factors, power_iterations)))

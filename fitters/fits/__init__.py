@@ -16,6 +16,7 @@ from fitters.fits.stages import (
     describe,
     screen,
 )
+from fitters.fits.transfer import transfer
 
 __all__ = [
     "METRICS",
@@ -37,4 +38,5 @@ __all__ = [
     "fit_problem",
     "refit",
     "screen",
+    "transfer",
 ]

@@ -1,6 +1,6 @@
 """The recipe of a fit problem: the few hundred bytes from which every process builds the same one."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from fitters.engine.warm import warm_up
@@ -20,6 +20,10 @@ class ProblemRecipe:
     fine_cells: int
     seed: int
     folder: str
+
+    def of(self, material: str) -> "ProblemRecipe":
+        """The same for another material alone."""
+        return replace(self, materials=(material,))
 
 
 def build_problem(recipe: ProblemRecipe) -> FitProblem:

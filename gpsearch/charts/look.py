@@ -41,7 +41,7 @@ class Frame:
     """
 
     def __init__(self, chart: Chart) -> None:
-        errors = [model.error for model in chart.fitted if model.error]
+        errors = [e for model in chart.fitted for e in (model.error, model.test_error) if e]
         within = [error for error in errors if error <= 1 or not METRICS[chart.metric].normalised] or errors
         self.bottom = min(within, default=1.0) / 1.35
         self.top = max(within, default=1.0) * 1.2
@@ -49,7 +49,17 @@ class Frame:
 
     def spot(self, model: Charted, key: str) -> Spot:
         """Of a model that has an error and this cost."""
-        cost, error = getattr(model, key), model.error or 0.0
+        return self._at(model, key, model.error or 0.0)
+
+    def test_spot(self, model: Charted, key: str) -> Spot | None:
+        """Where its error on test materials is drawn; None where there is none, or in the place of the other."""
+        if model.test_error is None:
+            return None
+        spot = self._at(model, key, model.test_error)
+        return None if spot == self.spot(model, key) else spot
+
+    def _at(self, model: Charted, key: str, error: float) -> Spot:
+        cost = getattr(model, key)
         x = cost or self._left[key]
         if error < self.bottom:
             return Spot(x, self.bottom, "bottom")
@@ -75,8 +85,9 @@ def digits(low: float, high: float) -> str:
 
 
 def title(chart: Chart) -> str:
-    count = len(chart.materials)
-    return f"{chart.run}: error against cost, {count} material{'s' if count > 1 else ''}"
+    count, tests = len(chart.materials), len(chart.tests)
+    tested = f", tested on {tests} other{'s' if tests > 1 else ''}" if tests else ""
+    return f"{chart.run}: error against cost, {count} material{'s' if count > 1 else ''}{tested}"
 
 
 def edge_remark(model: Charted, spot: Spot) -> str:

@@ -35,6 +35,7 @@ class Charted:
     """A model of the chart. What it does not have is None: a table has no nodes, what was not fitted no error.
 
     title:           its name as charts show it
+    test_error:      on materials that the search was not on, where the run has any
     ns, ns_coherent: of an evaluation of all three channels at incoherent and at coherent directions
     unbeaten:        axes on which no other model has both a smaller error and a smaller cost
     unbeaten_together: whether no other beats it in `TOGETHER`
@@ -51,6 +52,7 @@ class Charted:
     timing: Timing | None
     coherent: Timing | None
     warnings: tuple[str, ...] = ()
+    test_error: float | None = None
     unbeaten: frozenset[str] = field(default=frozenset())
     unbeaten_together: bool = False
 
@@ -70,13 +72,17 @@ class Charted:
 
 @dataclass(frozen=True)
 class Chart:
-    """Models in the order of a run's export, the measured table last, and what the loop alone takes (ns)."""
+    """Models in the order of a run's export, the measured table last, and what the loop alone takes (ns).
+
+    tests: names of the test materials
+    """
 
     run: str
     metric: str
     materials: tuple[str, ...]
     empty: Timing
     models: tuple[Charted, ...]
+    tests: tuple[str, ...] = ()
 
     @property
     def fitted(self) -> tuple[Charted, ...]:
@@ -98,6 +104,7 @@ def chart_of(
     measured_floats: int,
 ) -> Chart:
     """The chart of an export's `run`. Mappings are by contender's name; `MEASURED` is the measured table's."""
+    tests = tuple(run.get("test_materials", ()))
     models = [
         Charted(
             title=one.title,
@@ -111,6 +118,7 @@ def chart_of(
             timing=incoherent.get(one.name),
             coherent=coherent.get(one.name),
             warnings=one.warnings,
+            test_error=one.test_error,
         )
         for one in contenders
     ]
@@ -126,9 +134,10 @@ def chart_of(
             fit_seconds=None,
             timing=incoherent[MEASURED],
             coherent=coherent[MEASURED],
+            test_error=0.0 if tests else None,
         )
     )
-    return Chart(run["name"], run["metric"], tuple(run["materials"]), empty, tuple(marked(models)))
+    return Chart(run["name"], run["metric"], tuple(run["materials"]), empty, tuple(marked(models)), tests)
 
 
 def marked(models: Sequence[Charted]) -> list[Charted]:

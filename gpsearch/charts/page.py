@@ -177,6 +177,8 @@ def _markers(models: Sequence[Charted], frame: Frame, key: str, **style: Any) ->
 def _about(model: Charted) -> str:
     """A model's numbers in a line."""
     parts = [f"{model.title} ({KINDS[model.kind].label})", f"error {model.error:.4g}"]
+    if model.test_error is not None:
+        parts.append(f"error on test materials {model.test_error:.4g}")
     if model.timing:
         parts.append(f"{model.timing.ns:.3g} ns ({model.timing.low:.3g} to {model.timing.high:.3g})")
     if model.coherent:

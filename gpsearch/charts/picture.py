@@ -30,7 +30,7 @@ SPACING_POINTS = 1.25 * NAME_POINTS
 """Between the middles of two names."""
 LEADER_POINTS = 22
 """From the last panel to the names."""
-MARKER_POINTS, RING_POINTS = 5.5, 11
+MARKER_POINTS, RING_POINTS, TEST_POINTS = 5.5, 11, 3.2
 DPI = 160
 MARKERS = {"": "o", "left": "<", "bottom": "v", "top": "^"}
 """By the edge that a model lies beyond."""
@@ -76,6 +76,7 @@ def _draw(axes: Axes, axis: Axis, chart: Chart) -> None:
         if getattr(model, axis.key) is not None:
             spot = frame.spot(model, axis.key)
             axes.axhline(spot.y, color=KINDS[model.kind].colour, lw=0.4, alpha=0.22, zorder=0)
+            _mark_test(axes, spot, frame.test_spot(model, axis.key), KINDS[model.kind].colour)
             _mark(axes, spot, model, filled=axis.key in model.unbeaten)
     if axis.key == "ns":
         axes.axvline(chart.empty.ns, color=FRONT_COLOUR, lw=0.8, ls=(0, (1, 2)))
@@ -101,6 +102,16 @@ def _mark(axes: Axes, spot: Spot, model: Charted, *, filled: bool) -> None:
     mark(MARKERS[spot.edge], MARKER_POINTS, colour if filled else "white", colour, 1.0)
     if model.unbeaten_together:
         mark("o", RING_POINTS, "none", MARK_COLOUR, 0.8)
+
+
+def _mark_test(axes: Axes, spot: Spot, test: Spot | None, colour: str) -> None:
+    """The error on test materials, joined to the model's own mark."""
+    if test is not None:
+        axes.plot([spot.x, test.x], [spot.y, test.y], color=colour, lw=0.6, clip_on=False, zorder=2)
+        axes.plot(
+            [test.x], [test.y], marker=MARKERS[test.edge], ms=TEST_POINTS, mfc="white", mec=colour, mew=0.7,
+            ls="none", clip_on=False, zorder=2.5,
+        )  # fmt: skip
 
 
 def _plain(value: float, _: int) -> str:
@@ -162,6 +173,13 @@ def _legend(figure: Figure, chart: Chart) -> None:
         ),
         Line2D([], [], color=FRONT_COLOUR, lw=0.8, ls=(0, (1, 2)), label="an empty call"),
     ]  # fmt: skip
+    if chart.tests:
+        handles.append(
+            Line2D(
+                [], [], color=TEXT_COLOUR, lw=0.6, marker="o", ms=TEST_POINTS, mfc="white", mew=0.7,
+                label="error on the test materials",
+            )
+        )  # fmt: skip
     figure.legend(
         handles=handles, loc="lower left", bbox_to_anchor=(0.055, 0.0), ncols=5, frameon=False, fontsize=7.5,
         columnspacing=1.6, handletextpad=0.5,

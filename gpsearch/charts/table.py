@@ -11,21 +11,22 @@ from gpsearch.charts.models import AXES, Chart, Charted
 def write_table(chart: Chart, path: Path) -> None:
     """Writes the table; what a model does not have is empty."""
     text = io.StringIO()
-    rows = [entry(model) for model in chart.models]
+    rows = [entry(model, chart) for model in chart.models]
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows({key: "; ".join(v) if isinstance(v, list) else v for key, v in row.items()} for row in rows)
     path.write_text(text.getvalue())
 
 
-def entry(model: Charted) -> dict[str, Any]:
-    """A model as plain objects, the columns of the table."""
+def entry(model: Charted, chart: Chart) -> dict[str, Any]:
+    """A model of a chart as plain objects, the columns of the table; `test_error` only where there are tests."""
     timing = model.timing
     return {
         "name": model.name,
         "kind": model.kind,
         "expression": model.expression,
         "error": model.error,
+        **({"test_error": model.test_error} if chart.tests else {}),
         "ns": timing and round(timing.ns, 2),
         "ns_low": timing and round(timing.low, 2),
         "ns_high": timing and round(timing.high, 2),

@@ -27,7 +27,8 @@ FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")
 def chart(run: Path, output: Path | None, as_json: bool) -> None:
     """Charts every model of RUN: error against ns per evaluation, time of the fit, nodes and floats.
 
-    All are timed on this machine by one harness. Writes chart.png, chart.svg, chart.html and chart.csv.
+    All are timed on this machine by one harness. Where there are test materials, the error on them stands beside
+    the other. Writes chart.png, chart.svg, chart.html and chart.csv.
     """
     exported, configuration = described(run)
     if not exported["front"]:
@@ -66,8 +67,9 @@ def _report(found: Chart, paths: dict[str, Path]) -> dict[str, Any]:
         "run": found.run,
         "metric": found.metric,
         "materials": list(found.materials),
+        **({"test_materials": list(found.tests)} if found.tests else {}),
         "empty_ns": round(found.empty.ns, 2),
-        "models": [entry(model) for model in found.models],
+        "models": [entry(model, found) for model in found.models],
         "files": {form: str(path) for form, path in paths.items()},
     }
 
@@ -76,7 +78,10 @@ def _text(found: Chart, paths: dict[str, Path]) -> str:
     """What no other model beats in error, speed and floats, and where the files are."""
     lines = ["no other model is better in error, time of an evaluation and floats at once:"]
     for model in sorted((m for m in found.models if m.unbeaten_together), key=lambda m: m.ns or 0.0):
-        lines.append(f"  {model.title:32s} error {model.error:.4f}  {model.ns:7.1f} ns  {model.floats:9,d} floats")
+        test = f"test {model.test_error:.4f}  " if model.test_error is not None else ""
+        lines.append(
+            f"  {model.title:32s} error {model.error:.4f}  {test}{model.ns:7.1f} ns  {model.floats:9,d} floats"
+        )
     lines.append(f"an empty call takes {found.empty.ns:.1f} ns, which is in every figure")
     lines += [f"could not be fitted: {model.title}" for model in found.unfitted]
     return "\n".join([*lines, *(f"{form}: {path}" for form, path in paths.items())])

@@ -1,4 +1,4 @@
-"""The export of a run, its front described and culled first where the run was stopped before that."""
+"""The export of a run, its front described, culled and tested first where the run was stopped before that."""
 
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from gpsearch.exports import front_json
 from gpsearch.search.plan import plan
 from gpsearch.search.references import unfinished
 from gpsearch.search.search import Search
+from gpsearch.search.transfers import transfer_lanes
 from workers import LocalSettings, open_executor
 
 
@@ -19,11 +20,13 @@ def described(run: Path) -> tuple[dict[str, Any], Configuration]:
     """The export (gpsearch-front/1) of a run directory and its configuration. Raises `GpsearchError`."""
     store, configuration = open_run(run)
     try:
-        if unfinished(store, store.front().members):
-            planned = plan(configuration)
+        planned = plan(configuration)
+        if unfinished(store, store.front().members) or transfer_lanes(planned, store)[0]:
             console = Console(stderr=True, markup=False, emoji=False, highlight=False)
             with open_executor(LocalSettings()) as executor, ProgressWatcher(console, planned.budget) as watcher:
-                Search(planned, store, executor, watcher).describe_front()
+                search = Search(planned, store, executor, watcher)
+                search.describe_front()
+                search.fit_test_materials()
         return front_json(store, configuration), configuration
     finally:
         store.close()

@@ -7,6 +7,7 @@ import click
 
 from fitters.fits import Candidate, build_problem
 from fitters.fits.reduction import reduction
+from fitters.materials import load_material
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
@@ -19,6 +20,8 @@ PROBES = 24
 def estimate(configuration: Configuration, planned: Plan) -> None:
     """Loads everything, fits a few founders, and prints the plan with the time it would take."""
     problem = build_problem(problem_recipe(configuration))
+    for reference in configuration.test_materials:
+        load_material(reference, base=configuration.folder)
     founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
     candidates = [Candidate(founder.canonical.text) for founder in founders]
     # The first fit compiles or loads the engine.
@@ -37,11 +40,13 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
     if budget.candidates is not None:
         limits.append(f"{budget.candidates:,} candidates ({duration(budget.candidates / (rate * processes))})")
     cells = reduction(problem)
+    tests = configuration.test_material_names
     bank = len(planned.breeding.mutation.codebank)
     click.echo(
         f"{configuration.name}: the configuration is valid\n"
         f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
-        f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells.lit:,} lit of"
+        + (f"  tested on   {', '.join(tests)}\n" if tests else "")
+        + f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells.lit:,} lit of"
         f" {cells.measured:,} measured cells, 99 % of what is seen in {cells.carrying[0.99]:,};"
         f" {cells.sampled:,} sampled\n"
         f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a"

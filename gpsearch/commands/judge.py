@@ -1,6 +1,7 @@
 """`gpsearch judge RUN|MODEL`: accuracy cards, in numbers and pictures."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,13 @@ from gpsearch.commands.fit_formula import fit_formula
 from gpsearch.commands.fit_outcome import Request
 from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, make_folder, print_json
-from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
 from gpsearch.judging import Contender, contenders
 from gpsearch.judging.cards import Judged, judged_json, protocols, shown
-from gpsearch.judging.contenders import materials_of
+from gpsearch.judging.contenders import joined
+from gpsearch.judging.materials import materials_of_run, named_material, require_different_names
 from gpsearch.judging.scenes import NamedScene, named_scene, scene_of
+from gpsearch.judging.transfers import entries_of, transfers, with_tests
 from gpsearch.reports.card_sheet import card_sheet, number
 
 SHORT = {
@@ -38,70 +40,92 @@ SHORT = {
 
 @click.command()
 @click.argument("subject", metavar="RUN|MODEL")
-@click.option("--material", "materials", multiple=True, help="A file or built-in; of a run, a name (default all).")
+@click.option(
+    "--material", "materials", multiple=True, help="A file or built-in; of a run, also a name (default all)."
+)
 @click.option("--scene", help="studio, overcast, a map, or a configuration (.yaml); of a run by default its own.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="A folder for the pictures.")
 @json_option
 def judge(subject: str, materials: tuple[str, ...], scene: str | None, output: Path | None, as_json: bool) -> None:
     """Judges models in pictures of a scene and on the table: never by one metric alone.
 
-    RUN is a run directory: every member of its front and every baseline is judged. MODEL is a published formula,
-    an expression, a baseline, or a .npz file of `gpsearch fit --save`; what is no file is fitted first.
+    RUN is a run directory: every member of its front and every baseline is judged, on the materials of the search
+    and, apart from them, on test materials. To a file that is new to the run all of them are refitted first. MODEL
+    is a published formula, an expression, a baseline, or a .npz file of `gpsearch fit --save`; what is no file is
+    fitted first.
 
     With -o, a picture for each model: measured, model, error, and all metrics. --json adds how each is computed.
     """
     if output is not None:
         make_folder(output)
     if Path(subject).is_dir():
-        competing, loaded, seen = _of_run(Path(subject), materials, scene)
+        asked = _of_run(Path(subject), materials, scene)
     else:
-        competing, loaded, seen = _of_model(subject, materials, scene or "studio")
+        asked = _of_model(subject, materials, scene or "studio")
+    loaded, seen = (*asked.materials, *asked.tests), asked.scene
     found = []
-    for contender, pictures in counted(shown(competing, loaded, seen), len(competing), "judging"):
+    for contender, pictures in counted(shown(asked.contenders, loaded, seen), len(asked.contenders), "judging"):
         found.append(Judged(contender, {one.material: one.card for one in pictures}))
         if output is not None and pictures:
-            card_sheet(contender, pictures, seen.name, output / f"{_file_name(contender)}.png")
+            path = output / f"{_file_name(contender)}.png"
+            card_sheet(contender, pictures, seen.name, path, tests=_names(asked.tests))
     if as_json:
-        print_json(_report(found, loaded, seen))
+        print_json(_report(found, asked))
     else:
-        _print(found, loaded, seen)
+        _print(found, asked)
         if output is not None:
             click.echo(f"pictures: {output}")
 
 
-def _of_run(
-    run: Path, names: tuple[str, ...], scene: str | None
-) -> tuple[list[Contender], Sequence[Material], NamedScene]:
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What is to be judged: on materials, and apart from them on tests, which a run was not searched on."""
+
+    contenders: Sequence[Contender]
+    materials: Sequence[Material]
+    tests: Sequence[Material]
+    scene: NamedScene
+
+
+def _names(materials: Sequence[Material]) -> list[str]:
+    return [material.name for material in materials]
+
+
+def _of_run(run: Path, names: tuple[str, ...], scene: str | None) -> _Asked:
     exported, configuration = described(run)
-    chosen = _chosen(materials_of(configuration), names, configuration)
+    chosen = dict.fromkeys(named_material(name, configuration) for name in names)
+    chosen = chosen or dict.fromkeys(materials_of_run(configuration))
+    require_different_names(chosen)
     if not exported["front"] and not exported["baselines"]:
         raise GpsearchError(f"{run}: nothing has been found yet; let `gpsearch launch` go on, then judge")
+    loaded = {one: load_material(one.reference) for one in chosen}
+    new = [one for one in chosen if one.role == "new"]
+    entries = entries_of(exported)
+    fits = counted(transfers(entries, new, configuration), len(entries) * len(new), "new materials")
+    refitted = with_tests(exported, dict(fits), new, configuration.metric) if new else exported
     with Console(stderr=True).status("loading the models"):
-        competing = contenders(exported, chosen)
-    return competing, chosen, scene_of(configuration) if scene is None else named_scene(scene)
+        competing = [
+            joined(*of_one)
+            for of_one in zip(
+                contenders(exported, [material for one, material in loaded.items() if one.role != "new"]),
+                contenders(refitted, [loaded[one] for one in new]),
+                strict=True,
+            )
+        ]
+    return _Asked(
+        competing,
+        [material for one, material in loaded.items() if one.role == "training"],
+        [material for one, material in loaded.items() if one.role != "training"],
+        scene_of(configuration) if scene is None else named_scene(scene),
+    )
 
 
-def _chosen(materials: Sequence[Material], names: tuple[str, ...], configuration: Configuration) -> list[Material]:
-    """The materials of a run that are named, all by default; a name may also be the reference that the run has."""
-    if not names:
-        return list(materials)
-    references = dict(zip(configuration.materials, materials, strict=True))
-    known = {material.name: material for material in materials} | references
-    for name in names:
-        if name not in known:
-            listed = ", ".join(material.name for material in materials)
-            raise GpsearchError(f"--material {name}: the run has models of {listed}; only these can be judged")
-    return [known[name] for name in names]
-
-
-def _of_model(
-    subject: str, references: tuple[str, ...], scene: str
-) -> tuple[list[Contender], Sequence[Material], NamedScene]:
+def _of_model(subject: str, references: tuple[str, ...], scene: str) -> _Asked:
     if not references:
         raise click.UsageError(f"{subject} is no run directory: name the materials to judge it on with --material")
     materials = [load_material(reference, base=Path.cwd()) for reference in references]
     seen = named_scene(scene)
-    return [_contender(subject, references, materials, seen)], materials, seen
+    return _Asked([_contender(subject, references, materials, seen)], materials, (), seen)
 
 
 def _contender(
@@ -134,18 +158,35 @@ def _file_name(contender: Contender) -> str:
     return f"{contender.nodes:03d}-{contender.name}" if contender.kind == "found" else contender.name
 
 
-def _report(found: Sequence[Judged], materials: Sequence[Material], seen: NamedScene) -> dict[str, Any]:
+def _report(found: Sequence[Judged], asked: _Asked) -> dict[str, Any]:
+    tests = _names(asked.tests)
     return {
-        "scene": {"name": seen.name, **vars(seen.scene)},
-        "materials": [material.name for material in materials],
+        "scene": {"name": asked.scene.name, **vars(asked.scene.scene)},
+        "materials": _names(asked.materials),
+        **({"test_materials": tests} if tests else {}),
         "metrics": protocols(),
-        "models": [judged_json(one) for one in found],
+        "models": [judged_json(one, tests) for one in found],
     }
 
 
-def _print(found: Sequence[Judged], materials: Sequence[Material], seen: NamedScene) -> None:
+def _print(found: Sequence[Judged], asked: _Asked) -> None:
+    """A table for the materials, one for the tests, and what is to be known of the fits."""
+    under = f"under {asked.scene.name}; means over the materials"
+    if asked.materials:
+        click.echo(f"{len(found)} models, {len(asked.materials)} materials, {under}")
+        _print_table([one.only(_names(asked.materials)) for one in found])
+    if asked.tests:
+        gap = "\n" if asked.materials else ""
+        many = f"{len(asked.tests)} test material{'s' if len(asked.tests) > 1 else ''}"
+        click.echo(f"{gap}{len(found)} models, {many} that the search was not on, {under}")
+        _print_table([one.only(_names(asked.tests)) for one in found])
+    for one in found:
+        for warning in one.contender.warnings:
+            click.echo(f"warning: {one.contender.title}: {warning}", err=True)
+
+
+def _print_table(found: Sequence[Judged]) -> None:
     """A line per model, by PSNR: means over the materials, and the material that looks worst."""
-    click.echo(f"{len(found)} models, {len(materials)} materials, under {seen.name}; means over the materials")
     width = max(len(one.contender.title) for one in found)
     columns = "".join(f"{SHORT.get(name, name):>10s}" for name in METRIC_NAMES)
     click.echo(f"{'':{width}s}{columns}  worst material (FLIP)")
@@ -160,5 +201,3 @@ def _print(found: Sequence[Judged], materials: Sequence[Material], seen: NamedSc
     for one in found:
         if not one.cards:
             click.echo(f"{one.contender.title:{width}s}  not fitted: {'; '.join(one.contender.warnings)}")
-        for warning in one.contender.warnings:
-            click.echo(f"warning: {one.contender.title}: {warning}", err=True)

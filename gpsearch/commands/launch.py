@@ -5,15 +5,16 @@ import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
 
 from fitters import baselines
 from fitters.engine.warm import warm_up
+from fitters.materials import load_material
 from gpsearch import __version__
 from gpsearch.commands.estimate import estimate
+from gpsearch.commands.listing import list_models
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.signals import Terminated, terminable
 from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
@@ -28,9 +29,6 @@ from gpsearch.reports import plot_front
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
 from workers import DaskSettings, LocalSettings, Settings, Tls, WorkersError, open_executor
-
-SUMMARY_ROWS = 12
-"""Members of the front that are listed at the end; the export has all."""
 
 
 @click.command()
@@ -101,7 +99,17 @@ def _store(folder: Path, configuration: Configuration) -> Store:
     return store
 
 
+def _read_test_materials(store: Store, configuration: Configuration, console: Console) -> None:
+    """Reads those that nothing was fitted to yet. Raises `FittersError` now, not at the end of a long search."""
+    known = {reference for _, reference in store.transfers()}
+    with console.status("reading the test materials"):
+        for reference in configuration.test_materials:
+            if reference not in known:
+                load_material(reference, base=configuration.folder)
+
+
 def _search(planned: Plan, store: Store, configuration: Configuration, console: Console) -> None:
+    _read_test_materials(store, configuration, console)
     if not _is_remote(configuration):
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up()
@@ -133,16 +141,7 @@ def _report(store: Store, configuration: Configuration, console: Console, reason
     _, candidates, fitted = store.totals()
     given_up = sum(generation.given_up for generation in store.generations())
     console.print(f"fits: {work(candidates, fitted, given_up)}", highlight=False)
-    front = exported["front"]
-    rows = [(m["nodes"], m["error"], m["expression"]) for m in front[-SUMMARY_ROWS:]]
-    formulas = [b for b in exported["baselines"] if b["kind"] == "formula"]
-    rows += [(b["nodes"], b["error"], f"[{b['name']}, refitted]") for b in formulas if b["error"] is not None]
-    click.echo("nodes    error  formula")
-    for nodes, error, text in sorted(rows):
-        click.echo(f"{nodes:5d}  {error:7.4f}  {text if len(text) <= 90 else text[:87] + '...'}")
-    _list_tabulated([b for b in exported["baselines"] if b["kind"] != "formula"])
-    if len(front) > SUMMARY_ROWS:
-        click.echo(f"({len(front) - SUMMARY_ROWS} smaller ones are in the export)")
+    list_models(exported)
     click.echo(f"front: {folder / 'front.json'}   picture: {folder / 'front.png'}")
 
 
@@ -158,16 +157,6 @@ def _leave(path: Path, write: Callable[[Path], object]) -> None:
             f"{path}: cannot be written ({error.strerror}); the run is safe: make room or mend the disk, and the"
             " same command writes it"
         ) from None
-
-
-def _list_tabulated(baselines: list[dict[str, Any]]) -> None:
-    """Lists by error the reference fits that are no formulas; last those that failed, with the reason."""
-    fitted = [b for b in baselines if b["error"] is not None]
-    for b in sorted(fitted, key=lambda b: b["error"]):
-        click.echo(f"{'-':>5s}  {b['error']:7.4f}  [{b['name']}, {b['floats']:,} floats a material]")
-    for b in baselines:
-        if b["error"] is None:
-            click.echo(f"{'-':>5s}  {'-':>7s}  [{b['name']}, not fitted: {b['warnings'][0]}]")
 
 
 def _is_remote(configuration: Configuration) -> bool:

@@ -18,6 +18,7 @@ from gpsearch.commands.pick import pick_command
 from gpsearch.commands.signals import Terminated
 from gpsearch.commands.stability import stability
 from gpsearch.commands.status import status
+from gpsearch.commands.transfer import transfer_command
 from gpsearch.errors import GpsearchError, StoreError
 from workers import WorkersError
 
@@ -28,7 +29,19 @@ def commands() -> None:
     """Finds the smallest, fastest analytic BRDF that reproduces measured materials in a scene."""
 
 
-for command in (launch, status, export, judge, chart, chart_search, stability, pick_command, fit, materials):
+for command in (
+    launch,
+    status,
+    export,
+    judge,
+    chart,
+    chart_search,
+    stability,
+    pick_command,
+    transfer_command,
+    fit,
+    materials,
+):
     commands.add_command(command)
 
 

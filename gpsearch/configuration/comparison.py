@@ -6,6 +6,9 @@ from typing import Any
 
 from gpsearch.configuration.wording import shown
 
+FINDS_THE_SAME = frozenset({"executor", "test_materials"})
+"""Keys of a configuration that do not change what is found."""
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -20,8 +23,8 @@ class Difference:
 
     @property
     def extends(self) -> bool:
-        """Whether a run with `there` may go on with `here`: a larger budget, or work done elsewhere."""
-        if self.key.split(".")[0] == "executor":
+        """Whether a run with `there` may go on with `here`: a larger budget, work done elsewhere, other tests."""
+        if self.key.split(".")[0] in FINDS_THE_SAME:
             return True
         if not self.key.startswith("budget."):
             return False

@@ -13,13 +13,13 @@ from fitters.baselines import TABULATED
 from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fits import METRICS
-from gpsearch.configuration.comparison import Difference, differences
+from gpsearch.configuration.comparison import FINDS_THE_SAME, Difference, differences
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.references import (
-    BUILTIN,
     check_material,
     check_no_baseline_twice,
     check_no_material_twice,
+    material_name,
 )
 from gpsearch.configuration.sections import (
     MAX_ENTRIES,
@@ -44,13 +44,22 @@ DEFAULT_BASELINES = (
 )
 
 
+Materials = Annotated[
+    tuple[Annotated[str, AfterValidator(check_material)], ...], AfterValidator(check_no_material_twice)
+]
+"""References of materials, no material twice."""
+
+
 def _kind_alone(value: Any) -> Any:
     """`local` and `dask` are short for a mapping of nothing but the kind."""
     return {"kind": value} if isinstance(value, str) else value
 
 
 class Configuration(Section):
-    """All that decides what a run finds, and where it runs. Frozen; equal where every key and `folder` are."""
+    """All that decides what a run finds, where it runs, and what it is tested on.
+
+    Frozen; equal where every key and `folder` are.
+    """
 
     name: str = Field(
         max_length=100,
@@ -59,12 +68,13 @@ class Configuration(Section):
         "quote what looks like a number",
     )
     seed: Whole = whole(0, 0)
-    materials: Annotated[
-        tuple[Annotated[str, AfterValidator(check_material)], ...], AfterValidator(check_no_material_twice)
-    ] = Field(
+    materials: Materials = Field(
         min_length=1,
         max_length=MAX_ENTRIES,
         description="a list of at least one .binary or .bsdf file or builtin:NAME",
+    )
+    test_materials: Materials = Field(
+        (), max_length=MAX_ENTRIES, description="a list of .binary or .bsdf files or builtin:NAME"
     )
     scene: SceneSection = section(SceneSection)
     metric: Annotated[str, AfterValidator(one_of(METRICS))] = Field("light", description=listed(METRICS))
@@ -97,8 +107,8 @@ class Configuration(Section):
         """YAML with every default filled in, keys in one order; it loads back to an equal configuration."""
         return self._yaml()
 
-    def _yaml(self, exclude: set[str] | None = None) -> str:
-        content = self.model_dump(mode="json", exclude=exclude)
+    def _yaml(self, exclude: frozenset[str] = frozenset()) -> str:
+        content = self.model_dump(mode="json", exclude=set(exclude))
         # YAML 1.1 counts these as line breaks, which a file's name may hold: then all but ASCII is escaped.
         texts = json.dumps(content, ensure_ascii=False)
         breaks = any(character in texts for character in "\x85\u2028\u2029")
@@ -108,16 +118,18 @@ class Configuration(Section):
 
     @cached_property
     def sha256(self) -> str:
-        """Of `text()` without the executor, which does not change what is found; in hexadecimal."""
-        return hashlib.sha256(self._yaml(exclude={"executor"}).encode()).hexdigest()
+        """Of `text()` without the keys of `FINDS_THE_SAME`; in hexadecimal."""
+        return hashlib.sha256(self._yaml(exclude=FINDS_THE_SAME).encode()).hexdigest()
 
     @property
     def material_names(self) -> tuple[str, ...]:
-        """What the materials are called: the stem of a file, the name of a built-in."""
-        return tuple(
-            reference.removeprefix(BUILTIN) if reference.startswith(BUILTIN) else Path(reference).stem
-            for reference in self.materials
-        )
+        """What the materials are called."""
+        return tuple(map(material_name, self.materials))
+
+    @property
+    def test_material_names(self) -> tuple[str, ...]:
+        """What the test materials are called."""
+        return tuple(map(material_name, self.test_materials))
 
     def start_expressions(self) -> tuple[Expression, ...]:
         return self.search.start_expressions()
@@ -134,5 +146,5 @@ class Configuration(Section):
         return [difference for difference in self.differences(other) if not difference.extends]
 
     def extends(self, other: "Configuration") -> bool:
-        """Whether a run of `other` may go on under this one: nothing but budgets grew or the executor changed."""
+        """Whether a run of `other` may go on under this one: what it has found stays, see `Difference.extends`."""
         return not self.conflicts(other)

@@ -3,14 +3,14 @@
 import os
 import re
 import stat
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from pydantic import ValidationInfo
 
 from fitters.errors import FittersError
 from fitters.expressions import Expression, parse, to_text
-from fitters.expressions.catalogue import CATALOGUE
+from fitters.expressions.catalogue import CATALOGUE, Formula
 from fitters.materials import builtin_names
 from fitters.materials.loading import READERS
 from fitters.scenes.lights import BUILT_IN
@@ -26,7 +26,11 @@ PEM_SUFFIXES = (".pem", ".crt", ".cer", ".key")
 LARGEST_PEM = 1_000_000
 """Bytes."""
 ALL = "all"
-"""The codebank entry that stands for the whole catalogue."""
+GROUPS: Mapping[str, Callable[[Formula], bool]] = {
+    ALL: lambda formula: True,
+    "published-2013": lambda formula: formula.year <= 2013,
+}
+"""Codebank entries that stand for formulas of the catalogue: all, or what there was before the genBRDF paper."""
 MAX_NODES = 1000
 """The size of the largest expression that a configuration may hold or a search may reach."""
 
@@ -44,17 +48,39 @@ def check_material(reference: str, info: ValidationInfo) -> str:
 
 
 def check_no_material_twice(references: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-    """Validates the list of materials: the same file under two names is the same material."""
-    folder = surroundings(info).folder
-    first: dict[str, int] = {}
-    for index, reference in enumerate(references):
-        builtin = reference.startswith(BUILTIN)
-        identity = reference if builtin else os.path.realpath(resolve_path(reference, folder))
-        if identity in first:
-            text = f"{shown(reference)} is materials[{first[identity]}] again; name each material once"
+    """Validates a list of materials, and test materials beside those that a search is on.
+
+    The same file under two names is the same material. Two of one name could not be told apart; a stored run of an
+    earlier version, which found nothing with them, may still name them.
+    """
+    surrounding = surroundings(info)
+    before = info.data.get("materials", ()) if info.field_name == "test_materials" else ()
+    places = [f"materials[{index}]" for index in range(len(before))]
+    places += [f"{info.field_name}[{index}]" for index in range(len(references))]
+    first: dict[str, str] = {}
+    named: dict[str, str] = {}
+    for reference, place in zip((*before, *references), places, strict=True):
+        same = first.setdefault(_identity(reference, surrounding.folder), place)
+        name = material_name(reference)
+        alike = named.setdefault(name, place) if surrounding.check_files else place
+        index = places.index(place) - len(before)
+        if same != place:
+            text = f"{shown(reference)} is {same} again; name each material once"
             raise refuse_at(index, reference, text)
-        first[identity] = index
+        if alike != place:
+            text = f"{shown(reference)} is called {shown(name)} as {alike} is; rename one of the files"
+            raise refuse_at(index, reference, text)
     return references
+
+
+def material_name(reference: str) -> str:
+    """What a material is called: the stem of a file, the name of a built-in."""
+    return reference.removeprefix(BUILTIN) if reference.startswith(BUILTIN) else Path(reference).stem
+
+
+def _identity(reference: str, folder: Path) -> str:
+    """The same for two references to the same material."""
+    return reference if reference.startswith(BUILTIN) else os.path.realpath(resolve_path(reference, folder))
 
 
 def check_no_baseline_twice(names: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
@@ -171,7 +197,12 @@ def check_formula(entry: str, info: ValidationInfo) -> str:
 
 
 def check_codebank(entry: str, info: ValidationInfo) -> str:
-    return entry if entry == ALL else check_formula(entry, info)
+    """As `check_formula`; the name of one of `GROUPS` is valid, too."""
+    if entry in GROUPS:
+        return entry
+    if (near := nearest(entry, GROUPS, cutoff=0.8)) and entry not in CATALOGUE:
+        raise ValueError(f"{shown(entry)} is no group of the catalogue; did you mean {near}?")
+    return check_formula(entry, info)
 
 
 def resolve_formula(entry: str) -> Expression:

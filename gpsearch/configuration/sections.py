@@ -13,6 +13,7 @@ from fitters.scenes.scene import SPHERE
 from gpsearch.configuration.fields import Number, Section, Whole, number, section, whole
 from gpsearch.configuration.references import (
     ALL,
+    GROUPS,
     MAX_NODES,
     check_codebank,
     check_formula,
@@ -178,7 +179,7 @@ class Search(Section):
             (ALL,),
             min_length=1,
             max_length=MAX_ENTRIES,
-            description="all, or at least one catalogue name or expression",
+            description=f"at least one catalogue name or expression, or group of them: {listed(GROUPS)}",
         )
     )
     islands: Whole = whole(4, 1, 10_000)
@@ -213,14 +214,14 @@ class Search(Section):
         return tuple(resolve_formula(entry) for entry in self.start)
 
     def codebank_expressions(self) -> tuple[Expression, ...]:
-        """What the codebank is cut from; `all` means the catalogue's formulas within `parameters`."""
+        """What the codebank is cut from; a group means those of its formulas that are within `parameters`."""
         found: dict[Expression, None] = {}
         for entry in self.codebank:
-            found |= dict.fromkeys(self._catalogue() if entry == ALL else [resolve_formula(entry)])
+            found |= dict.fromkeys(self._group(entry) if entry in GROUPS else [resolve_formula(entry)])
         return tuple(found)
 
-    def _catalogue(self) -> list[Expression]:
-        formulas = (formula.expression for formula in CATALOGUE.values())
+    def _group(self, name: str) -> list[Expression]:
+        formulas = [formula.expression for formula in CATALOGUE.values() if GROUPS[name](formula)]
         return [formula for formula in formulas if all(int(p[1:]) < self.parameters for p in formula.parameters)]
 
 

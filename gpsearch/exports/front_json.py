@@ -2,19 +2,18 @@
 
 import hashlib
 import json
-import math
-from dataclasses import dataclass
 from importlib import resources
 from typing import Any, TypeVar
 
 from fitters import expressions
-from fitters.culling import Step
 from fitters.expressions.catalogue import formula as published_formula
 from fitters.fits import Description
 from fitters.fits.problem import CHANNELS
 from gpsearch import __version__
 from gpsearch.configuration import Configuration
-from gpsearch.front import Baseline, FormulaBaseline, Member, Store, TabulatedBaseline
+from gpsearch.exports.numbers import finite, finite_or_none
+from gpsearch.exports.transfers import transfer_entry
+from gpsearch.front import Baseline, FormulaBaseline, ListedFormula, Store, TabulatedBaseline, listed_formulas
 
 SCHEMA = "gpsearch-front/1"
 
@@ -34,7 +33,13 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
     """
     materials = configuration.material_names
     generations, candidates, _ = store.totals()
-    scene, baselines = configuration.scene, store.baselines()
+    scene, baselines, transfers = configuration.scene, store.baselines(), store.transfers()
+    tests = dict(zip(configuration.test_material_names, configuration.test_materials, strict=True))
+
+    def tested(model: str, symbols: tuple[str, ...] | None) -> dict[str, Any]:
+        found = {name: transfers.get((model, reference)) for name, reference in tests.items()}
+        return transfer_entry(found, configuration.metric, symbols)
+
     return {
         "schema": SCHEMA,
         "run": {
@@ -43,59 +48,32 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
             "version": __version__,
             "config_sha256": configuration.sha256,
             "materials": list(materials),
+            **({"test_materials": list(tests)} if tests else {}),
             "scene": scene.model_dump(),
             "metric": configuration.metric,
             "generations": generations,
             "candidates": candidates,
             "seconds": round(store.seconds, 3),
         },
-        "front": [_member_entry(formula, materials) for formula in _non_dominated(_formulas(store))],
+        "front": [
+            _member_entry(formula, materials) | tested(formula.expression, formula.description.fit.names)
+            for formula in listed_formulas(store)
+        ],
         "baselines": [
-            _baseline_entry(name, baselines[name], configuration.metric, materials)
+            baseline_entry(name, baselines[name], configuration.metric, materials)
+            | tested(name, _symbols(baselines[name]))
             for name in dict.fromkeys(configuration.baselines)
             if name in baselines
         ],
     }
 
 
-@dataclass(frozen=True)
-class _Formula:
-    """A front member, or what culling has left of it: then `before` and `steps` say of what, and how."""
-
-    member: Member
-    expression: str
-    nodes: int
-    description: Description
-    before: Description | None = None
-    steps: tuple[Step, ...] = ()
+def _symbols(baseline: Baseline) -> tuple[str, ...] | None:
+    """The parameters of a published formula; None for what is no formula."""
+    return baseline.description.fit.names if isinstance(baseline, FormulaBaseline) else None
 
 
-def _formulas(store: Store) -> list[_Formula]:
-    """The members that are described; of those that were culled, what is left."""
-    described, culled = store.descriptions(), store.culled()
-    found = []
-    for member in store.front().members:
-        if (before := described.get(member.expression)) is None:
-            continue
-        left = culled.get(member.expression)
-        if left is None or left.description is None:
-            found.append(_Formula(member, member.expression, member.nodes, before))
-        else:
-            nodes = expressions.parse(left.expression).nodes
-            found.append(_Formula(member, left.expression, nodes, left.description, before, left.steps))
-    return found
-
-
-def _non_dominated(formulas: list[_Formula]) -> list[_Formula]:
-    """Formulas by size with falling exact error: polish and culling may have changed who beats whom."""
-    kept: list[_Formula] = []
-    for formula in sorted(formulas, key=lambda f: (f.nodes, f.description.fit.error, f.expression)):
-        if formula.description.fit.error < (kept[-1].description.fit.error if kept else math.inf):
-            kept.append(formula)
-    return kept
-
-
-def _member_entry(formula: _Formula, materials: tuple[str, ...]) -> dict[str, Any]:
+def _member_entry(formula: ListedFormula, materials: tuple[str, ...]) -> dict[str, Any]:
     member, description = formula.member, formula.description
     fit, checks = description.fit, description.checks
     return {
@@ -107,12 +85,12 @@ def _member_entry(formula: _Formula, materials: tuple[str, ...]) -> dict[str, An
         },
         "error": fit.error,
         "errors": _by_material(fit.errors.tolist(), materials),
-        "metrics": _finite(description.metrics),
+        "metrics": finite(description.metrics),
         "cost_ns": round(description.cost_ns, 3),
         "start": member.genome.start,
         "genome": member.genome.to_json(),
         "origin": {"island": member.island, "generation": member.generation},
-        "checks": _finite(
+        "checks": finite(
             {
                 "reciprocity": checks.reciprocity,
                 "minimum": checks.minimum,
@@ -123,7 +101,7 @@ def _member_entry(formula: _Formula, materials: tuple[str, ...]) -> dict[str, An
     } | _culled_entry(formula)
 
 
-def _culled_entry(formula: _Formula) -> dict[str, Any]:
+def _culled_entry(formula: ListedFormula) -> dict[str, Any]:
     """What went and what it cost; nothing for a formula that is as the search found it."""
     if formula.before is None:
         return {}
@@ -139,7 +117,8 @@ def _culled_entry(formula: _Formula) -> dict[str, Any]:
     }
 
 
-def _baseline_entry(name: str, baseline: Baseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
+def baseline_entry(name: str, baseline: Baseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
+    """A baseline as an export has it, but for its `test`."""
     if isinstance(baseline, FormulaBaseline):
         entry = _formula_entry(name, baseline.description, materials)
     else:
@@ -159,21 +138,21 @@ def _formula_entry(name: str, description: Description, materials: tuple[str, ..
             symbol: _by_material(fit.values[:, column].tolist(), materials)
             for column, symbol in enumerate(fit.names)
         },
-        "error": _finite_or_none(fit.error),
-        "errors": _by_material([_finite_or_none(error) for error in fit.errors.tolist()], materials),
-        "metrics": _finite(description.metrics),
+        "error": finite_or_none(fit.error),
+        "errors": _by_material([finite_or_none(error) for error in fit.errors.tolist()], materials),
+        "metrics": finite(description.metrics),
         "cost_ns": round(description.cost_ns, 3),
         "warnings": list(description.warnings),
     }
 
 
 def _tabulated_entry(baseline: TabulatedBaseline, metric: str, materials: tuple[str, ...]) -> dict[str, Any]:
-    metrics = _finite(baseline.metrics)
+    metrics = finite(baseline.metrics)
     return {
         "kind": baseline.kind,
         "floats": baseline.floats,
         "error": metrics[metric],
-        "errors": _by_material([_finite_or_none(error) for error in baseline.errors[metric]], materials),
+        "errors": _by_material([finite_or_none(error) for error in baseline.errors[metric]], materials),
         "metrics": metrics,
         "cost_ns": round(baseline.cost_ns, 3),
         "warnings": list(baseline.warnings),
@@ -183,15 +162,6 @@ def _tabulated_entry(baseline: TabulatedBaseline, metric: str, materials: tuple[
 def _by_material(values: list[T], materials: tuple[str, ...]) -> dict[str, list[T]]:
     """Values of all targets as one list of channels per material."""
     return {name: values[3 * i : 3 * i + 3] for i, name in enumerate(materials)}
-
-
-def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
-    return {name: _finite_or_none(value) for name, value in numbers.items()}
-
-
-def _finite_or_none(value: float) -> float | None:
-    """JSON has no infinity: what is not finite becomes null."""
-    return value if math.isfinite(value) else None
 
 
 def to_text(exported: dict[str, Any]) -> str:

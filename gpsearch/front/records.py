@@ -13,6 +13,7 @@ from fitters.fits.checks import Checks
 from gpsearch.evolution.island import Individual
 from gpsearch.front.baselines import Baseline, FormulaBaseline, TabulatedBaseline
 from gpsearch.front.front import Member
+from gpsearch.front.transfers import Transfer
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
 from gpsearch.genomes.genome import edit_json
@@ -141,6 +142,19 @@ def read_baseline(stored: dict[str, Any]) -> Baseline:
         return FormulaBaseline(read_description(stored["description"]), stored["fit_seconds"])
     errors = {metric: tuple(values) for metric, values in stored["errors"].items()}
     return TabulatedBaseline(**(stored | {"errors": errors, "warnings": tuple(stored["warnings"])}))
+
+
+def transfer_json(transfer: Transfer) -> dict[str, Any]:
+    return vars(transfer)
+
+
+def read_transfer(stored: dict[str, Any]) -> Transfer:
+    return Transfer(
+        errors=tuple(stored["errors"]),
+        metrics=stored["metrics"],
+        parameters={name: tuple(values) for name, values in stored["parameters"].items()},
+        warnings=tuple(stored["warnings"]),
+    )
 
 
 def read_stages(text: str) -> dict[str, Any]:

@@ -38,7 +38,10 @@ from gpsearch.front.records import (
     read_individual,
     read_member,
     read_stages,
+    read_transfer,
+    transfer_json,
 )
+from gpsearch.front.transfers import Transfer
 
 SCHEMA_VERSION = 3
 FILE = "run.sqlite"
@@ -72,6 +75,13 @@ CREATE TABLE generations (
 ) WITHOUT ROWID;
 CREATE TABLE events (time REAL NOT NULL, kind TEXT NOT NULL, detail TEXT NOT NULL);
 """
+
+_TRANSFERS = """
+CREATE TABLE IF NOT EXISTS transfers (
+    model TEXT NOT NULL, material TEXT NOT NULL, transfer TEXT NOT NULL, PRIMARY KEY (model, material)
+) WITHOUT ROWID;
+"""
+"""Made where a first transfer is stored: stores without one, of earlier versions too, do without it."""
 
 TABLES = (
     "islands",
@@ -187,7 +197,7 @@ class Store:
     def clear(self) -> None:
         """Forgets all but what kind of store this is."""
         with self.transaction():
-            for table in TABLES:
+            for table in (*TABLES, *(("transfers",) if self._has_transfers else ())):
                 self._connection.execute(f"DELETE FROM {table}")
             self._connection.execute("DELETE FROM meta WHERE key IN ('seconds', 'migrations')")
 
@@ -367,6 +377,30 @@ class Store:
     def save_baseline(self, name: str, baseline: Baseline) -> None:
         text = json.dumps(baseline_json(baseline))
         self._connection.execute("INSERT OR REPLACE INTO baselines VALUES (?, ?)", (name, text))
+
+    # transfers
+
+    @property
+    def _has_transfers(self) -> bool:
+        query = "SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'transfers'"
+        return self._connection.execute(query).fetchone() is not None
+
+    def transfers(self) -> dict[tuple[str, str], Transfer]:
+        """Fits to test materials, by model and by the material's reference.
+
+        A model is the expression of a formula that was found, or the name of a baseline.
+        """
+        if not self._has_transfers:
+            return {}
+        rows = self._connection.execute("SELECT model, material, transfer FROM transfers")
+        return {(model, material): read_transfer(json.loads(text)) for model, material, text in rows}
+
+    def save_transfer(self, model: str, material: str, transfer: Transfer) -> None:
+        self._connection.execute(_TRANSFERS)
+        self._connection.execute(
+            "INSERT OR REPLACE INTO transfers VALUES (?, ?, ?)",
+            (model, material, json.dumps(transfer_json(transfer))),
+        )
 
     # history
 

@@ -1,6 +1,6 @@
 """Cards of many models: every contender judged on every material in a scene."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
@@ -32,9 +32,17 @@ class Judged:
     contender: Contender
     cards: Mapping[str, Card]
 
+    def only(self, materials: Collection[str]) -> "Judged":
+        """The same with the cards of some materials."""
+        return Judged(self.contender, {name: card for name, card in self.cards.items() if name in materials})
+
     def mean(self, metric: str) -> float:
         """Over materials; of PSNR that of the decibels, as the factor paper's tables are."""
         return float(np.mean([card.metrics[metric] for card in self.cards.values()]))
+
+    def worst_materials(self) -> dict[str, str]:
+        """By metric; nothing where there is no card."""
+        return {metric: self.worst_material(metric) for metric in METRIC_NAMES} if self.cards else {}
 
     def worst_material(self, metric: str) -> str:
         """The material on which the metric is worst."""
@@ -80,9 +88,14 @@ def protocols() -> dict[str, dict[str, str]]:
     return images | tables
 
 
-def judged_json(found: Judged) -> dict[str, Any]:
-    """A model's cards as plain objects; an infinite PSNR, of equal pictures, is null."""
+def judged_json(found: Judged, tests: Collection[str] = ()) -> dict[str, Any]:
+    """A model's cards as plain objects; an infinite PSNR, of equal pictures, is null.
+
+    The worst of the materials is one that is no test; where there are tests, they have a worst one of their own.
+    """
     contender = found.contender
+    searched_on = found.only([name for name in found.cards if name not in tests])
+    worst_test = {"worst_test_material": found.only(tests).worst_materials()} if tests else {}
     return {
         "name": contender.name,
         "kind": contender.kind,
@@ -90,7 +103,8 @@ def judged_json(found: Judged) -> dict[str, Any]:
         "nodes": contender.nodes,
         "floats": contender.floats,
         "warnings": list(contender.warnings),
-        "worst_material": {metric: found.worst_material(metric) for metric in METRIC_NAMES} if found.cards else {},
+        "worst_material": searched_on.worst_materials(),
+        **worst_test,
         "cards": {name: _card_json(card) for name, card in found.cards.items()},
     }
 

@@ -1,6 +1,6 @@
 """The accuracy card of a model as a picture: measured, model, error; a row for each material."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +25,13 @@ LONGEST = 110
 """Characters of a formula that are shown."""
 
 
-def card_sheet(contender: Contender, shown: Sequence[Shown], scene: str, path: Path) -> None:
+def card_sheet(
+    contender: Contender, shown: Sequence[Shown], scene: str, path: Path, *, tests: Collection[str] = ()
+) -> None:
     """Writes the sheet of a model (`shown` not empty) as the image format that the suffix names.
 
-    Pictures have the exposure of the measured one; the circle marks the worst region.
+    `tests` are the materials that the search was not on, and are called so. Pictures have the exposure of the
+    measured one; the circle marks the worst region.
     """
     figure = Figure(figsize=(8.6, 0.75 + 2.1 * len(shown)), dpi=130, layout="constrained")
     FigureCanvasAgg(figure)
@@ -45,7 +48,8 @@ def card_sheet(contender: Contender, shown: Sequence[Shown], scene: str, path: P
         for one_axes in axes[1:3]:
             _mark(one_axes, one)
         _write(axes[3], one)
-        axes[0].set_ylabel(one.material, fontsize=8, color=TEXT_COLOUR)
+        label = f"{one.material} (test)" if one.material in tests else one.material
+        axes[0].set_ylabel(label, fontsize=8, color=TEXT_COLOUR)
     for one_axes, title in zip(rows[0], COLUMNS, strict=False):
         one_axes.set_title(title, fontsize=8, color=TEXT_COLOUR)
     figure.suptitle(_title(contender, scene), fontsize=8.5, color=TEXT_COLOUR)

@@ -1,6 +1,6 @@
 """A configuration turned into what the search and its workers take."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from math import ceil
@@ -26,7 +26,10 @@ class Budget:
 
 @dataclass(frozen=True)
 class Plan:
-    """All that a search needs to know, in its own terms."""
+    """All that a search needs to know, in its own terms.
+
+    tests: the fit problem of each test material, by its reference: a process need not hold more than one
+    """
 
     seed: int
     islands: int
@@ -34,6 +37,8 @@ class Plan:
     migrate_every: int
     migrants: int
     recipe: Recipe
+    tests: Mapping[str, Recipe]
+    metric: str
     materials: int
     bounds: tuple[tuple[str, float, float], ...]
     settings: FitSettings
@@ -84,6 +89,7 @@ def plan(configuration: Configuration) -> Plan:
         frequencies=(search.edits.swap, search.edits.insert, search.edits.replace, search.edits.delete),
     )
     low, high = search.bounds
+    recipe = problem_recipe(configuration)
     return Plan(
         seed=configuration.seed,
         islands=search.islands,
@@ -95,7 +101,9 @@ def plan(configuration: Configuration) -> Plan:
         ),
         migrate_every=search.migrate_every,
         migrants=search.migrants,
-        recipe=Recipe(build_problem, problem_recipe(configuration)),
+        recipe=Recipe(build_problem, recipe),
+        tests={name: Recipe(build_problem, recipe.of(name)) for name in configuration.test_materials},
+        metric=configuration.metric,
         materials=len(configuration.materials),
         bounds=tuple((f"p{i}", low, high) for i in range(search.parameters)),
         settings=fit.settings,

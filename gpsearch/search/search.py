@@ -15,6 +15,7 @@ from gpsearch.search.course import Course
 from gpsearch.search.plan import Plan
 from gpsearch.search.recollection import Recollection
 from gpsearch.search.references import baseline_lanes, description_lanes, unfinished
+from gpsearch.search.transfers import transfer_lanes
 from workers import Done, Executor, Incident, Lane, run_lanes
 
 
@@ -36,7 +37,7 @@ class Watcher(Protocol):
     """Whoever is told how the search goes on."""
 
     def stage(self, name: str, total: int | None) -> None:
-        """A stage of `total` steps begins: "baselines", "searching", "describing the front"."""
+        """A stage of `total` steps begins: "baselines", "searching", "describing the front", "test materials"."""
 
     def step(self, count: int) -> None:
         """So many steps of the stage are done."""
@@ -81,12 +82,13 @@ class Search:
         return min(course.island.generation for course in self.courses)
 
     def run(self) -> str:
-        """Breeds until a budget is used up, describes the front; returns which budget it was."""
+        """Breeds until a budget is used up, describes the front and tests it; returns which budget it was."""
         self.fit_baselines()
         # The minutes are the search's own: its baselines may take longer than a short budget.
         self.started = time.monotonic()
         reason = self._search()
         self.describe_front()
+        self.fit_test_materials()
         return reason
 
     def fit_baselines(self) -> None:
@@ -101,6 +103,13 @@ class Search:
         steps, lanes = description_lanes(self.plan, self.store, unfinished(self.store, self.front.members))
         if lanes:
             self.watcher.stage("describing the front", steps)
+            self._run(lanes, stop=lambda: False)
+
+    def fit_test_materials(self) -> None:
+        """Fits what is listed, formulas that are described and baselines, to the test materials."""
+        total, lanes = transfer_lanes(self.plan, self.store)
+        if lanes:
+            self.watcher.stage("test materials", total)
             self._run(lanes, stop=lambda: False)
 
     def _search(self) -> str:

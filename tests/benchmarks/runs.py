@@ -24,6 +24,8 @@ def plan(recipe: ProblemRecipe, *, islands: int, size: int, generations: int, ea
         migrate_every=5,
         migrants=1,
         recipe=Recipe(build_problem, recipe),
+        tests={},
+        metric=recipe.metric,
         materials=len(recipe.materials),
         bounds=tuple((f"p{i}", *WIDE) for i in range(PARAMETERS)),
         settings=FitSettings(),

@@ -15,7 +15,9 @@ __all__ = ["CATALOGUE", "Formula", "Parameter", "formula"]
 
 _ENTRIES = (*classic.ENTRIES, *genbrdf.ENTRIES, *glossy.ENTRIES, *disney.ENTRIES)
 
-CATALOGUE = {name: Formula(name, source, parse(text), parameters) for name, source, text, parameters in _ENTRIES}
+CATALOGUE = {
+    name: Formula(name, year, source, parse(text), parameters) for name, year, source, text, parameters in _ENTRIES
+}
 
 
 def formula(name: str) -> Formula:

@@ -28,12 +28,14 @@ _BASE_PARAMETERS = (DIFFUSE, Parameter("roughness", 0.01, 1.0), SPECULAR, R0)
 ENTRIES: list[Entry] = [
     (
         "disney-diffuse",
+        2012,
         "Burley 2012, section 5.3: diffuse, with retroreflection of rough surfaces",
         _DIFFUSE_LOBE,
         _BASE_PARAMETERS[:2],
     ),
     (
         "disney-specular",
+        2012,
         "Burley 2012, sections 5.3 to 5.6: disney-diffuse and the primary specular lobe (GTR2, "
         "alpha = roughness^2, Smith shadowing with alpha = (1 / 2 + roughness / 2)^2); the scale p2 is 1 there",
         _BASE,
@@ -41,6 +43,7 @@ ENTRIES: list[Entry] = [
     ),
     (
         "disney-clearcoat",
+        2012,
         "Burley 2012: disney-specular and the clearcoat (GTR1, R0 = 0.04, shadowing with alpha = 0.25); its "
         "strength and normalisation, clearcoat / 4 (a^2 - 1) / (pi log a^2) with a = p5, are p4",
         f"{_BASE} + p4 * {_COAT_FRESNEL} * ({_GTR1}) / {_shadowing('0.0625')}",

@@ -17,9 +17,13 @@ class Parameter:
 
 @dataclass(frozen=True)
 class Formula:
-    """A published BRDF: `parameters[i]` describes `p{i}`. Raises `FittersError` where the two disagree."""
+    """A published BRDF: `parameters[i]` describes `p{i}`. Raises `FittersError` where the two disagree.
+
+    year: in which `source` published the model; a term that came later, as its source says, does not count
+    """
 
     name: str
+    year: int
     source: str
     expression: Expression
     parameters: tuple[Parameter, ...]
@@ -34,5 +38,5 @@ class Formula:
         return {f"p{i}": (p.low, p.high) for i, p in enumerate(self.parameters)}
 
 
-Entry = tuple[str, str, str, tuple[Parameter, ...]]
-"""Name, source, text form and parameters of a formula."""
+Entry = tuple[str, int, str, str, tuple[Parameter, ...]]
+"""Name, year, source, text form and parameters of a formula."""

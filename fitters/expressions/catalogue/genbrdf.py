@@ -6,7 +6,8 @@ from fitters.expressions.catalogue.terms import DIFFUSE, DIFFUSE_VALUE, SPECULAR
 ENTRIES: list[Entry] = [
     (
         "genbrdf-metal",
-        "genBRDF paper, eq. 6",
+        2014,
+        "Brady et al. 2014, the genBRDF paper, eq. 6",
         "p0 / pi + p1 * exp(-acos(wh.z) / p3)"
         " * min(p2 / p0 * dot(wo, wh), 4 * p3 / (tan(acos(wh.z)) * wo.z * wi.z))"
         " * (p2 + pow(1 - dot(wo, wh), 5))",
@@ -19,7 +20,8 @@ ENTRIES: list[Entry] = [
     ),
     (
         "genbrdf-dielectric",
-        "genBRDF paper, eq. 7",
+        2014,
+        "Brady et al. 2014, the genBRDF paper, eq. 7",
         "p0 * (1 + pow(wh.z, 1 - p2))"
         " + min(1 / sqrt(p0), (p2 + (1 - p2) * pow(1 - wh.z, 5))"
         " * (1 / (p3 * p3 * pow(wh.z, 4)) * exp(-pow(tan(acos(wh.z)) / p3, 2)))"

@@ -26,6 +26,7 @@ def _sgd_specular(meaning: str) -> Parameter:
 ENTRIES: list[Entry] = [
     (
         "abc",
+        2012,
         "Low et al. 2012, the microfacet form: distribution A / (1 + B (1 - N.H))^C, V-cavity shadowing, "
         "Fresnel term of a dielectric as in Cook and Torrance 1982",
         f"p0 / pi + p1 / pi * {_DIELECTRIC} / pow(1 + p2 * (1 - wh.z), p3) * {V_CAVITY} / (wi.z * wo.z)",
@@ -39,6 +40,7 @@ ENTRIES: list[Entry] = [
     ),
     (
         "sgd",
+        2012,
         "Bagher et al. 2012, shifted gamma distribution. In their symbols p1, p2, p3 are K rho_s / pi^2 times "
         "F0 - F1, F0 and 1 (the normalisation K is part of the scale), p7 is c^(-1/k), p9 is pi / 2 - theta_0",
         f"p0 / pi + {_SGD_FRESNEL} * {_SGD_D} * {_SGD_G_I} * {_SGD_G_O} / (wi.z * wo.z)",

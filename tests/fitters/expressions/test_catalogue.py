@@ -1,5 +1,7 @@
 """Every published formula against its own transcription in NumPy, and against what theory says of it."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -258,7 +260,13 @@ def test_parameters_are_described_or_refused():
         assert set(entry.bounds) == set(entry.expression.parameters)
         assert all(0 < low < high < np.inf for low, high in entry.bounds.values())
     with pytest.raises(FittersError, match="p1"):
-        Formula("x", "nowhere", parse("p0 + p1"), (Parameter("albedo", 0.0, 1.0),))
+        Formula("x", 1999, "nowhere", parse("p0 + p1"), (Parameter("albedo", 0.0, 1.0),))
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_the_year_is_that_of_the_publication_that_the_source_names_first(name):
+    published = CATALOGUE[name]
+    assert published.year == int(re.findall(r"\b(1[0-9]{3}|20[0-9]{2})\b", published.source)[0])
 
 
 def test_a_misspelt_name_gets_the_nearest():

@@ -16,7 +16,7 @@ from fitters.speed import Timing
 from gpsearch.charts import AXES, Chart, Charted, non_dominated, write_page, write_pictures, write_table
 from gpsearch.charts.look import Frame
 from gpsearch.charts.models import MEASURED, marked
-from gpsearch.charts.picture import drawn
+from gpsearch.charts.picture import TEST_POINTS, drawn
 
 COSTS = st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=12)
 FORMULA = "p0 / pi + p1 * pow(wh.z, p2) / max(wi.z, 1e-05)"
@@ -134,6 +134,67 @@ def test_the_table_has_a_row_for_every_model(tmp_path):
     assert (rows["good"]["non_dominated"], rows["slow"]["non_dominated"]) == ("True", "False")
     assert rows["fails"]["error"] == rows["fails"]["ns"] == rows["fails"]["nodes"] == ""
     assert rows[MEASURED]["error"] == "0.0"
+
+
+TESTED = tuple(
+    one if one.error is None else replace(one, test_error=0.0 if one.name == MEASURED else 1.5 * one.error)
+    for one in MODELS
+)
+
+
+def chart_with_tests() -> Chart:
+    return replace(chart(TESTED), tests=("a", "b"))
+
+
+def test_errors_on_test_materials_are_hollow_marks_joined_to_the_models_own():
+    """In every panel, one for each model that has both; nothing else is drawn otherwise."""
+    plain, tested = drawn(chart()), drawn(chart_with_tests())
+    for axis, before, after in zip(AXES, plain.axes, tested.axes, strict=True):
+        expected = [one for one in TESTED if one.test_error and getattr(one, axis.key) is not None]
+        expected = [one for one in expected if one.name != "worse than black"]
+        hollow = [line for line in after.lines if line.get_markersize() == TEST_POINTS]
+        assert len(after.lines) - len(before.lines) == 2 * len(hollow)
+        assert sorted(line.get_ydata()[0] for line in hollow) == pytest.approx(
+            sorted(one.test_error for one in expected)
+        )
+        assert all(line.get_markerfacecolor() == "white" for line in hollow)
+        joints = {tuple(line.get_ydata()) for line in after.lines if len(line.get_ydata()) == 2}
+        assert joints >= {(one.error, one.test_error) for one in expected}
+        low, high = after.get_ylim()
+        assert all(low <= line.get_ydata()[0] <= high for line in hollow)
+    labels = [text.get_text() for text in tested.legends[0].get_texts()]
+    assert "error on the test materials" in labels
+    assert "error on the test materials" not in [text.get_text() for text in plain.legends[0].get_texts()]
+    assert "tested on 2 others" in tested.get_suptitle()
+
+
+def test_an_error_on_test_materials_widens_the_axis():
+    wide = replace(MODELS[0], test_error=0.95)
+    assert Frame(replace(chart((wide, *MODELS[1:])), tests=("a",))).top > 0.95
+
+
+def test_the_table_has_test_errors_where_there_are_test_materials(tmp_path):
+    write_table(chart(), tmp_path / "plain.csv")
+    write_table(chart_with_tests(), tmp_path / "tested.csv")
+    columns, rows = [], []
+    for name in ("plain.csv", "tested.csv"):
+        with (tmp_path / name).open(newline="") as file:
+            read = csv.DictReader(file)
+            rows.append(list(read))
+            columns.append(read.fieldnames)
+    assert [name for name in columns[1] if name != "test_error"] == columns[0]
+    assert columns[1].index("test_error") == columns[1].index("error") + 1
+    for row, model in zip(rows[1], TESTED, strict=True):
+        assert row.pop("test_error") == ("" if model.test_error is None else str(model.test_error))
+    assert rows[0] == rows[1]
+
+
+def test_the_page_says_test_errors_where_one_points(tmp_path):
+    write_page(chart_with_tests(), tmp_path / "tested.html")
+    write_page(chart(), tmp_path / "plain.html")
+    texts = [text for trace in traces(tmp_path / "tested.html") for text in trace.get("hovertext", ())]
+    assert any("small" in text and "error on test materials 0.75" in text for text in texts)
+    assert "on test materials" not in (tmp_path / "plain.html").read_text()
 
 
 def traces(page: Path) -> list[dict]:

@@ -58,6 +58,24 @@ def test_a_run_is_charted(folder, monkeypatch):
     assert formulas == {entry.get("expression", "") for entry in expected.values()} | {""}
 
 
+def test_the_errors_on_test_materials_are_those_of_the_export(tmp_path, monkeypatch):
+    monkeypatch.setattr(measuring, "incoherent", lambda: incoherent(20_000))
+    monkeypatch.setattr(measuring, "coherent", lambda: coherent(20_000))
+    configuration = small(tmp_path, test_materials=["builtin:fabric"], budget={"generations": 1})
+    store = run_search(tmp_path / "run", configuration)
+    exported = front_json(store, configuration)
+    store.close()
+    result = gpsearch("chart", "run", "--json", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    report = json.loads(result.stdout)
+    assert report["test_materials"] == ["fabric"]
+    expected = {entry.get("id") or entry["name"]: entry["test"]["error"] for entry in exported["front"]}
+    expected |= {entry["name"]: entry["test"]["error"] for entry in exported["baselines"]} | {"measured": 0.0}
+    assert {model["name"]: model["test_error"] for model in report["models"]} == expected
+    with (tmp_path / "run" / "chart.csv").open(newline="") as file:
+        assert {row["name"]: float(row["test_error"]) for row in csv.DictReader(file)} == expected
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

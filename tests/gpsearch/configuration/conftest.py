@@ -1,5 +1,6 @@
 """A folder to write configurations into."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,7 +18,7 @@ def load(tmp_path: Path) -> Callable[..., Configuration]:
 
     def load(text: str | bytes, name: str = "quick.yaml") -> Configuration:
         if isinstance(text, str):
-            text = (text if "materials:" in text else text + "\n" + MINIMAL).encode()
+            text = (text if re.search(r"^\W*materials:", text, re.MULTILINE) else text + "\n" + MINIMAL).encode()
         (tmp_path / name).write_bytes(text)
         return load_configuration(tmp_path / name)
 

@@ -56,6 +56,10 @@ from tests.unprivileged import public_folder, unprivileged
         ("search: {max_nodes: 4}", "search.max_nodes: found 4; allowed: a whole number from 5 to 1000"),
         ("search: {parameters: 9}", "search.parameters: found 9; allowed: a whole number from 1 to 8"),
         ("search: {bounds: [2, 1]}", "search.bounds: found [2.0, 1.0]; allowed: [low, high] with low < high"),
+        (
+            "search: {codebank: published-2012}",
+            "search.codebank[0]: 'published-2012' is no group of the catalogue",
+        ),
         ("search: {bounds: [2]}", "search.bounds[1]: is missing; allowed: two finite numbers [low, high]"),
         ("search: {bounds: [0, .inf]}", "search.bounds[1]: found inf; allowed: two finite numbers"),
         ("search: {edits: {swap: -1}}", "search.edits.swap: found -1; allowed: a finite number of at least 0"),
@@ -168,6 +172,34 @@ def test_a_material_given_twice(refusal, tmp_path):
     assert f"quick.yaml:3: materials[1]: './a.bsdf' {again}" in refusal("materials:\n- a.bsdf\n- ./a.bsdf")
     assert f"'b.bsdf' {again}" in refusal("materials: [a.bsdf, b.bsdf]")
     assert f"'builtin:metal' {again}" in refusal("materials: [builtin:metal, builtin:metal]")
+
+
+def test_a_test_material_is_none_that_the_search_is_on(refusal, tmp_path):
+    (tmp_path / "a.bsdf").touch()
+    (tmp_path / "b.bsdf").symlink_to("a.bsdf")
+    text = "materials: [builtin:metal, a.bsdf]\ntest_materials:\n- builtin:fabric\n- %s"
+    once = "name each material once"
+    assert f"quick.yaml:4: test_materials[1]: './a.bsdf' is materials[1] again; {once}" in refusal(
+        text % "./a.bsdf"
+    )
+    assert f"'b.bsdf' is materials[1] again; {once}" in refusal(text % "b.bsdf")
+    assert f"'builtin:metal' is materials[0] again; {once}" in refusal(text % "builtin:metal")
+    assert f"'builtin:fabric' is test_materials[0] again; {once}" in refusal(text % "builtin:fabric")
+    assert "test_materials[1]: no built-in material 'builtin:metl'; did you mean" in refusal(text % "builtin:metl")
+    assert "test_materials[1]: no file" in refusal(text % "c.bsdf")
+    assert "test_materials: found 'builtin:metal'; allowed: a list of" in refusal("test_materials: builtin:metal")
+
+
+def test_no_two_materials_of_a_run_have_one_name(refusal, tmp_path):
+    (tmp_path / "more").mkdir()
+    for file in ("a.bsdf", "a.binary", "metal.binary", "more/a.bsdf"):
+        (tmp_path / file).touch()
+    called = "test_materials[0]: 'more/a.bsdf' is called 'a' as materials[0] is; rename one of the files"
+    assert called in refusal("materials: [a.bsdf]\ntest_materials: [more/a.bsdf]")
+    assert "materials[1]: 'a.binary' is called 'a'" in refusal("materials: [a.bsdf, a.binary]")
+    assert "'metal.binary' is called 'metal' as materials[0] is" in refusal(
+        "materials: [builtin:metal]\ntest_materials: [metal.binary]"
+    )
 
 
 TLS = "executor:\n  kind: dask\n  scheduler: %s\n  tls: {ca: ca.pem, cert: cert.pem, key: key.pem}"

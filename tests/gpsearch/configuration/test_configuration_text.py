@@ -19,6 +19,7 @@ trees = st.fixed_dictionaries(
     optional={
         "name": st.from_regex(r"[A-Za-z0-9_][A-Za-z0-9._-]{0,20}", fullmatch=True),
         "seed": st.integers(0, 2**63 - 1),
+        "test_materials": st.lists(files.map(lambda file: f"{file}.bsdf"), max_size=3, unique=True),
         "scene": st.fixed_dictionaries({}, optional={"rotation": st.floats(-1e300, 1e300)}),
         "executor": st.sampled_from(["local", "dask", {"kind": "dask", "scheduler": "tls://[::1]:8786"}])
         | st.fixed_dictionaries(
@@ -65,6 +66,7 @@ def test_the_hash_is_of_all_that_decides_what_is_found(tmp_path):
 
     assert sha256() == sha256(executor="dask") == sha256(executor={"kind": "dask", "scheduler": "tcp://a:1"})
     assert sha256() == sha256(**yaml.safe_load(TLS))
+    assert sha256() == sha256(test_materials=["y.bsdf"])
     assert len({sha256(), sha256(seed=1), sha256(metric="compressive"), sha256(search={"islands": 3})}) == 4
 
 
@@ -110,10 +112,13 @@ def test_differences_name_the_key_and_both_values(load):
         (TLS, "executor: local"),
         ("executor: local", TLS),
         (TLS, TLS.replace("cert.pem", "ca.pem")),
+        ("test_materials: [builtin:fabric]", "seed: 0"),
+        ("seed: 0", "test_materials: [builtin:fabric]"),
+        ("test_materials: [builtin:fabric]", "test_materials: [builtin:rough-plastic, builtin:glossy-plastic]"),
     ],
 )
 @pytest.mark.usefixtures("pem_files")
-def test_larger_budgets_and_other_executors_extend_a_run(load, new, old):
+def test_larger_budgets_other_executors_and_other_test_materials_extend_a_run(load, new, old):
     assert load(new).extends(load(old))
 
 

@@ -90,6 +90,17 @@ def test_a_stored_run_with_a_baseline_twice_still_opens(tmp_path):
     assert stored.baselines == ("ggx", "ggx")
 
 
+def test_a_stored_run_of_two_materials_of_one_name_still_opens(tmp_path):
+    text = "materials: [a/x.bsdf, b/x.bsdf]\n"
+    stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
+    assert stored.material_names == ("x", "x")
+
+
+def test_test_materials_are_none_by_default_and_have_names(load):
+    assert load("seed: 0").test_materials == ()
+    assert load("test_materials: [builtin:fabric]").test_material_names == ("fabric",)
+
+
 def test_a_stored_run_whose_tls_was_configured_elsewhere_still_opens(tmp_path):
     text = "materials: [builtin:metal]\nexecutor: {kind: dask, scheduler: tls://a:1}\n"
     stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
@@ -130,9 +141,25 @@ def test_all_of_the_codebank_keeps_within_the_parameters(load):
     assert set(CATALOGUE) - {f.name for f in CATALOGUE.values() if f.expression in within_parameters(8)} == {"sgd"}
 
 
-def within_parameters(count):
+def test_a_group_holds_what_was_published_before_the_paper(load):
+    expressions = load("search: {codebank: published-2013, parameters: 8}").codebank_expressions()
+    later = {"genbrdf-metal", "genbrdf-dielectric"}
+    assert expressions == within_parameters(8, without=later)
+    assert all(CATALOGUE[name].expression in expressions for name in ("ggx", "abc", "disney-specular"))
+    assert not any(CATALOGUE[name].expression in expressions for name in later)
+
+
+def test_a_group_may_be_joined_by_more(load):
+    expressions = load("search: {codebank: ['p0 * wi.z', published-2013, genbrdf-metal]}").codebank_expressions()
+    assert to_text(expressions[0]) == "p0 * wi.z"
+    assert expressions[1:-1] == within_parameters(4, without={"genbrdf-metal", "genbrdf-dielectric"})
+    assert expressions[-1] == CATALOGUE["genbrdf-metal"].expression
+
+
+def within_parameters(count, without=()):
     """The catalogue's formulas of at most so many parameters."""
-    return tuple(f.expression for f in CATALOGUE.values() if len(f.parameters) <= count)
+    formulas = (f for f in CATALOGUE.values() if f.name not in without)
+    return tuple(f.expression for f in formulas if len(f.parameters) <= count)
 
 
 def test_a_section_may_be_there_but_empty(load):

@@ -25,6 +25,7 @@ from gpsearch.front import (
     Quarantined,
     Store,
     TabulatedBaseline,
+    Transfer,
 )
 from gpsearch.front.records import description_json
 from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
@@ -296,6 +297,8 @@ def test_another_schema_version_is_refused(store, version):
         again(store)
 
 
+OTHER = Transfer((0.5,) * 3, {"light": 0.5}, {})
+
 VERSION_3 = {
     "meta": "key value",
     "islands": "number generation population",
@@ -312,12 +315,49 @@ VERSION_3 = {
 
 def test_the_tables_of_schema_version_3_stay_as_they_are(store):
     """Runs of this version lie on disks: other columns need another version."""
+    assert (store.meta("schema"), columns(store)) == ("3", VERSION_3)
+
+
+def columns(store: Store) -> dict[str, str]:
+    """The columns of every table."""
     names = store._connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall()
-    columns = {
+    return {
         name: " ".join(row[1] for row in store._connection.execute(f"PRAGMA table_info({name})"))
         for (name,) in names
     }
-    assert (store.meta("schema"), columns) == ("3", VERSION_3)
+
+
+def test_transfers_have_a_table_of_their_own_made_when_the_first_is_stored(store):
+    """So that a store of version 3 takes them whoever made it, and whoever knows of none reads on."""
+    transfer = Transfer((0.1, inf, 0.3), {"light": inf, "other": 0.1}, {"p0": (1.0, 2.0, 1e-300)}, ("x: dark",))
+    assert again(store).transfers() == {}
+    with store.transaction():
+        store.save_transfer("p0 * wh.z", "../x.bsdf", transfer)
+        store.save_transfer("ggx", "../x.bsdf", transfer)
+    with store.transaction():
+        store.save_transfer("ggx", "../x.bsdf", OTHER)
+    assert again(store).transfers() == {("p0 * wh.z", "../x.bsdf"): transfer, ("ggx", "../x.bsdf"): OTHER}
+    assert columns(store) == VERSION_3 | {"transfers": "model material transfer"}
+    assert store.meta("schema") == "3"
+
+
+def test_a_transaction_that_fails_leaves_no_table_of_transfers(store):
+    def broken_off() -> None:
+        with store.transaction():
+            store.save_transfer("ggx", "x.bsdf", OTHER)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        broken_off()
+    assert again(store).transfers() == {}
+
+
+def test_a_store_that_is_cleared_forgets_transfers_and_may_have_none(store):
+    store.clear()
+    with store.transaction():
+        store.save_transfer("ggx", "x.bsdf", OTHER)
+    store.clear()
+    assert again(store).transfers() == {}
 
 
 def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):

@@ -1,0 +1,193 @@
+"""Train beside test, for programs and for readers."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from fitters.rendering import IMAGE_METRICS
+from gpsearch.judging.contenders import FOUND
+from gpsearch.judging.generality import COMPARED, ERROR, IMAGES, Scored
+from gpsearch.judging.scenes import NamedScene
+from gpsearch.judging.transfers import REFERENCES
+
+SHORT = {"cook-torrance": "CT", "ggx": "GGX"}
+TITLES = {"l2": "image L2", "1-ssim": "1 - SSIM"}
+
+
+@dataclass(frozen=True, eq=False)
+class Generality:
+    """Models of a run on the materials of its search (`train`) and on others (`test`), by name.
+
+    member: the one whose materials are listed; None where nothing was found
+    """
+
+    run: str
+    scene: NamedScene
+    metric: str
+    train: tuple[str, ...]
+    test: tuple[str, ...]
+    models: Sequence[Scored]
+    member: Scored | None
+
+    @property
+    def references(self) -> dict[str, Scored]:
+        by_name = {one.contender.name: one for one in self.models}
+        return {name: by_name[name] for name in REFERENCES}
+
+    @property
+    def sets(self) -> dict[str, tuple[str, ...]]:
+        return {"train": self.train, "test": self.test}
+
+
+# for programs
+
+
+def generality_json(found: Generality) -> dict[str, Any]:
+    """Plain objects; what could not be fitted is null."""
+    images = {name: IMAGE_METRICS[name] for name in IMAGES}
+    return {
+        "run": found.run,
+        "scene": {"name": found.scene.name, **asdict(found.scene.scene)},
+        "metric": found.metric,
+        "materials": list(found.train),
+        "test_materials": list(found.test),
+        "metrics": {
+            ERROR: {"unit": "", "better": "lower", "protocol": f"the {found.metric} metric over three channels"},
+            **{name: {"unit": m.unit, "better": m.better, "protocol": m.protocol} for name, m in images.items()},
+        },
+        "models": [_model_json(found, one) for one in found.models],
+        "member": found.member and _member_json(found, found.member),
+    }
+
+
+def _model_json(found: Generality, one: Scored) -> dict[str, Any]:
+    contender = one.contender
+    below = {
+        name: {metric: one.mean_below(reference, found.test, metric) for metric in COMPARED}
+        for name, reference in found.references.items()
+    }
+    return {
+        "name": contender.name,
+        "kind": contender.kind,
+        "expression": contender.expression,
+        "nodes": contender.nodes,
+        "floats": contender.floats,
+        "error": contender.error,
+        "test_error": contender.test_error,
+        "train": {metric: one.mean(found.train, metric) for metric in (ERROR, *IMAGES)},
+        "test": {metric: one.mean(found.test, metric) for metric in (ERROR, *IMAGES)} | {"below": below},
+        "materials": {name: dict(scores) for name, scores in one.scores.items()},
+        "warnings": list(contender.warnings),
+    }
+
+
+def _member_json(found: Generality, member: Scored) -> dict[str, Any]:
+    return {
+        "id": member.contender.name,
+        "expression": member.contender.expression,
+        "nodes": member.contender.nodes,
+        "figures": {
+            metric: {
+                name: {
+                    "materials": {material: _row(found, member, [material], metric) for material in materials},
+                    "average": _row(found, member, materials, metric),
+                }
+                for name, materials in found.sets.items()
+            }
+            for metric in ("l2", "1-ssim", ERROR)
+        },
+    }
+
+
+def _row(found: Generality, member: Scored, materials: Sequence[str], metric: str) -> dict[str, Any]:
+    """A line of a figure: means over materials, and how far the member lies below the references."""
+    references = found.references
+    return {
+        **{name: reference.mean(materials, metric) for name, reference in references.items()},
+        "new": member.mean(materials, metric),
+        "below": {name: member.mean_below(reference, materials, metric) for name, reference in references.items()},
+    }
+
+
+# for readers
+
+
+def generality_text(found: Generality) -> str:
+    """The table of all models, and that of the member by material."""
+    tables = [_models_text(found)] + ([_member_text(found, found.member)] if found.member else [])
+    return "\n".join(line.rstrip() for line in "\n\n".join(tables).splitlines())
+
+
+def _models_text(found: Generality) -> str:
+    width = max(len(_name(one)) for one in found.models)
+    lines = [
+        f"{found.run}: train, {len(found.train)} materials of the search, beside test, {len(found.test)} others,"
+        f" under {found.scene.name}; means over materials",
+        "below refitted CT (Cook-Torrance), GGX: 1 - new / reference on the test materials",
+        "",
+        f"{'':{width}s} nodes   {_centred(f'error ({found.metric})', 15)}"
+        + "".join(f"   {_centred(TITLES[name], 15)}" for name in ("l2", "1-ssim"))
+        + "".join(f"   {_centred(f'below {SHORT[name]}', 20)}" for name in REFERENCES),
+        f"{'':{width}s}      "
+        + 3 * f"   {'train':>7s} {'test':>7s}"
+        + 2 * f"   {'error':>6s} {'L2':>6s} {'1-SSIM':>6s}",
+    ]
+    return "\n".join([*lines, *(_model_line(found, one, width) for one in found.models)])
+
+
+def _name(one: Scored) -> str:
+    return f"found {one.contender.name}" if one.contender.kind == FOUND else one.contender.name
+
+
+def _model_line(found: Generality, one: Scored, width: int) -> str:
+    text = f"{_name(one):{width}s} {one.contender.nodes or '-':>5}"
+    for metric in COMPARED:
+        text += f"   {_number(one.mean(found.train, metric))} {_number(one.mean(found.test, metric))}"
+    for reference in found.references.values():
+        text += "  "
+        for metric in COMPARED:
+            text += f" {_percent(one.mean_below(reference, found.test, metric))}"
+    return text
+
+
+def _member_text(found: Generality, member: Scored) -> str:
+    """The figures side by side, as the paper has them."""
+    figures = ("l2", "1-ssim", ERROR)
+    width = 2 + max(map(len, (*found.train, *found.test, "training set")))
+    titles = {**TITLES, ERROR: f"error ({found.metric})"}
+    columns = " ".join(f"{title:>7s}" for title in (*SHORT.values(), "new"))
+    columns += "".join(f" {f'<{title}':>6s}" for title in SHORT.values())
+    lines = [
+        f"found {member.contender.name}, {member.contender.nodes} nodes: {member.contender.expression}",
+        "new: this formula; <CT, <GGX: how far it lies below the refitted references; averages are means",
+        "",
+        f"{'':{width}s}" + "".join(f"   {_centred(titles[metric], len(columns))}" for metric in figures),
+        f"{'':{width}s}" + f"   {columns}" * len(figures),
+    ]
+    for title, materials in (("training set", found.train), ("testing set", found.test)):
+        rows = [(name, [name]) for name in materials] + [("average", list(materials))]
+        lines.append(title)
+        for name, group in rows:
+            cells = (_cells(_row(found, member, group, metric)) for metric in figures)
+            lines.append(f"  {name:{width - 2}s}" + "".join(f"   {cell}" for cell in cells))
+    return "\n".join(lines)
+
+
+def _cells(row: dict[str, Any]) -> str:
+    values = " ".join(_number(row[name]) for name in (*REFERENCES, "new"))
+    return values + "".join(f" {_percent(row['below'][name])}" for name in REFERENCES)
+
+
+def _centred(text: str, width: int) -> str:
+    return f"{text:^{width}s}"
+
+
+def _number(value: float | None) -> str:
+    return f"{'-':>7s}" if value is None else f"{value:7.4f}" if value < 99 else f"{value:7.1f}"
+
+
+def _percent(value: float | None) -> str:
+    """Six characters; what is ten times as bad as the reference is no more than that."""
+    if value is None:
+        return f"{'-':>6s}"
+    return f"{100 * value:5.1f}%" if value > -1 else f"{100 * value:5.0f}%" if value > -10 else "<-999%"
