@@ -14,7 +14,7 @@ from fitters.scenes.mitsuba_scene import mitsuba_geometry
 from fitters.scenes.scene import SPHERE, Scene
 from fitters.scenes.scene_files import content_sha256
 
-VERSION = 1
+VERSION = 2
 """Part of the content hash: raise it whenever the same file would give another geometry."""
 
 
@@ -48,7 +48,8 @@ def load_geometry(scene: Scene, *, base: Path | None = None) -> Geometry:
 
     def build() -> dict[str, np.ndarray]:
         towards = texel_directions(rows).reshape(-1, 3) if rows else None
-        found = mitsuba_geometry(path, scene.resolution, shape=scene.shape, towards=towards)
+        reach = 0.71 * np.pi / rows if rows else 0.0
+        found = mitsuba_geometry(path, scene.resolution, shape=scene.shape, towards=towards, spread=reach)
         visible = np.zeros((len(found.pixels), 0), bool) if found.visible is None else found.visible
         return {
             "normals": found.normals,

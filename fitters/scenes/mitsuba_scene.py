@@ -29,13 +29,13 @@ class _Hit(NamedTuple):
 
 
 def mitsuba_geometry(
-    path: Path, resolution: int, *, shape: str | None = None, towards: Array | None = None
+    path: Path, resolution: int, *, shape: str | None = None, towards: Array | None = None, spread: float = 0.0
 ) -> Geometry:
     """What the first camera of a Mitsuba scene file sees, one ray through each pixel's centre.
 
     The image is `resolution` pixels wide and as high as the film's aspect ratio says. `shape` is the id of the
     only shape to look at; the others hide it and cast shadows. `towards` (texels, 3) are unit directions whose
-    visibility is found; without it nothing casts a shadow.
+    visibility is found, each standing for those within `spread` radians; without it nothing casts a shadow.
 
     Positions, interpolated ("shading") normals and occlusion are the scene's; its materials, lights, bump maps
     and masks do not count. World space is that of the environment map: +y is up. Surfaces have two sides: a
@@ -54,7 +54,7 @@ def mitsuba_geometry(
         normals = np.array([hit.normal for hit in hits])
         views = np.array([hit.view for hit in hits])
         pixels = np.array([hit.pixel for hit in hits])
-        visible = None if towards is None else _visibility(mi, scene, hits, towards)
+        visible = None if towards is None else _visibility(mi, scene, hits, towards, spread)
         return Geometry(normals, views, pixels, size, visible)
 
 
@@ -121,17 +121,24 @@ def _hits(scene: Any, size: tuple[int, int], shape: str | None) -> Iterator[_Hit
             yield _Hit(pixel, normal, view, interaction)
 
 
-def _visibility(mi: Any, scene: Any, hits: list[_Hit], towards: Array) -> NDArray[np.bool_]:
-    """(p, texels): which directions above the horizon of its normal reach the sky from each point."""
+def _visibility(mi: Any, scene: Any, hits: list[_Hit], towards: Array, spread: float) -> NDArray[np.bool_]:
+    """(p, texels): which directions above the horizon of its normal reach the sky from each point.
+
+    What straddles the horizon is seen where that part of it is which lies above.
+    """
     visible = np.zeros((len(hits), len(towards)), bool)
-    vectors = [mi.Vector3f(direction) for direction in towards]
     for seen, hit in zip(visible, hits, strict=True):
-        outside = towards @ _unit(hit.interaction.n) >= 0
+        cosines = towards @ hit.normal
+        above = np.flatnonzero(cosines > -spread)
+        lift = np.maximum(spread / 2 - cosines[above], 0.0)
+        directions = towards[above] + lift[:, None] * hit.normal
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        outside = directions @ _unit(hit.interaction.n) >= 0
         # A ray starts a little off the surface, on the side to which it goes.
         starts = [hit.interaction.spawn_ray(side * hit.interaction.n) for side in (-1, 1)]
-        for texel in np.flatnonzero(towards @ hit.normal > 0).tolist():
-            ray = starts[int(outside[texel])]
-            ray.d = vectors[texel]
+        for texel, direction, out in zip(above.tolist(), directions.tolist(), outside.tolist(), strict=True):
+            ray = starts[int(out)]
+            ray.d = mi.Vector3f(direction)
             seen[texel] = not scene.ray_test(ray)
     return visible
 

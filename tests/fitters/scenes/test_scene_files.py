@@ -5,13 +5,12 @@ import sys
 
 import numpy as np
 import pytest
-from fitters.scenes.kernel import integrate, integrate_seen
 
 from fitters.errors import FittersError
 from fitters.materials import load_material
 from fitters.rendering import image_map
-from fitters.rendering.kernel import rows
-from fitters.scenes import Scene, light_table, load_light
+from fitters.rendering.image_map import mapped
+from fitters.scenes import Scene, geometries, light_table, load_light, sampled
 from fitters.scenes.geometries import load_geometry
 from fitters.scenes.geometry import sphere
 from fitters.scenes.mitsuba_scene import mitsuba_geometry
@@ -48,9 +47,8 @@ def mitsuba():
 def kernels():
     """Compiled code from the cache of all tests; geometry and images come from a fresh one."""
     light, ball = load_light("overcast").reduced(2), sphere(2)
-    integrate(light, ball.normals)
-    integrate_seen(light, ball.normals, ball.views, None)
-    rows(light, ball.normals, ball.views, None)
+    sampled.sampled_table(light, ball, ball, 2, tolerance=1e9)
+    mapped(light, ball, 2)
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +59,9 @@ def metal():
 @pytest.fixture
 def write(kernels, tmp_path, monkeypatch):
     monkeypatch.setenv("GPSEARCH_CACHE", str(tmp_path / "cache"))
+    # A twentieth of the samples that a table takes to converge.
+    monkeypatch.setattr(geometries, "POINTS", 256)
+    monkeypatch.setattr(sampled, "ROUNDS", 2)
 
     def write(*content):
         path = tmp_path / "scene.xml"
@@ -87,11 +88,14 @@ def test_a_sphere_in_a_scene_file_is_the_built_in_one(mitsuba, write):
 
 
 def test_its_light_table_and_image_are_those_of_the_built_in_one(mitsuba, metal, write):
-    """A convex body hides no light from itself, and float32 normals move few samples into the next cell."""
+    """A convex body hides no light from itself: its table is as far from the closed form as it says."""
     analytic = Scene(resolution=PIXELS, light_rows=ROWS, rotation=30.0)
     scene = dataclasses.replace(analytic, geometry=str(write(camera(), BALL)))
     found, expected = light_table(scene), light_table(analytic)
-    assert np.abs(found.table - expected.table).sum() < 2e-3 * expected.table.sum()
+    apart = [np.linalg.norm(a - b) / np.linalg.norm(b) for a, b in zip(found.table, expected.table, strict=True)]
+    assert max(apart) == pytest.approx(found.distance, rel=0.1)
+    assert not found.converged
+    np.testing.assert_allclose(found.table.sum(axis=(1, 2, 3)), expected.table.sum(axis=(1, 2, 3)), rtol=0.01)
     first, second = (image_map(each).of_material(metal).pixels for each in (scene, analytic))
     np.testing.assert_allclose(first, second, atol=2e-3 * second.max())
     assert np.linalg.norm(first - second) < 1e-3 * np.linalg.norm(second)
@@ -155,10 +159,10 @@ def test_one_sphere_shades_the_other_as_in_mitsuba(mitsuba, write):
     wrong = bare.pixels[inner] - rendered[inner]
     assert np.linalg.norm(difference) < 0.025 * np.linalg.norm(rendered[inner])
     assert np.linalg.norm(wrong) > 0.1 * np.linalg.norm(rendered[inner])
-    assert np.all(bare.pixels >= shaded.pixels)
+    assert np.all(bare.pixels >= 0.99 * shaded.pixels)
     # The table is the same sums, by cells.
     total = light_table(scene).table.sum(axis=(1, 2, 3)) * albedo / np.pi
-    np.testing.assert_allclose(total, shaded.pixels[shaded.foreground].mean(axis=0), rtol=5e-3)
+    np.testing.assert_allclose(total, shaded.pixels[shaded.foreground].mean(axis=0), rtol=0.01)
 
 
 def test_one_shape_may_have_the_material_while_others_hide_it(mitsuba, write):
