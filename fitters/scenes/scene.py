@@ -22,9 +22,9 @@ class Scene:
     rotation: float = 0.0
     """Degrees by which the light turns about +y, right-handed: light behind the camera moves to its right."""
     resolution: int = 64
-    """Pixels across the image, 1 to 1024."""
+    """Pixels across the image, 1 to 1024; the light table of the sphere does not depend on it."""
     light_rows: int = 48
-    """The map is resampled to `light_rows` x 2 `light_rows` texels, 2 to 1024."""
+    """Of a scene file: shadows are found for `light_rows` x 2 `light_rows` directions, 2 to 1024."""
     geometry: str = SPHERE
     """`sphere`, or the path of a Mitsuba scene file (.xml) whose camera and shapes are taken, +y being up."""
     shape: str | None = None

@@ -40,6 +40,13 @@ class LightTable:
     def converged(self) -> bool:
         return self.distance <= TOLERANCE
 
+    @property
+    def exactness(self) -> str:
+        """In words how far it is from its limit."""
+        if self.distance == 0:
+            return "in closed form"
+        return f"sampled, {100 * self.distance:.1f} % from its limit (relative L2)"
+
     def __post_init__(self) -> None:
         if self.table.shape != (3, *SHAPE) or self.table.dtype != np.float32:
             raise FittersError(

@@ -8,6 +8,7 @@ import click
 from fitters.fits import Candidate, build_problem
 from fitters.fits.reduction import reduction
 from fitters.materials import load_material
+from fitters.scenes import LightTable, light_table
 from gpsearch.commands.progress import duration
 from gpsearch.configuration import Configuration, DaskExecutor
 from gpsearch.evolution.island import Island, advance
@@ -19,6 +20,7 @@ PROBES = 24
 
 def estimate(configuration: Configuration, planned: Plan) -> None:
     """Loads everything, fits a few founders, and prints the plan with the time it would take."""
+    table = light_table(configuration.scene.recipe, base=configuration.folder)
     problem = build_problem(problem_recipe(configuration))
     for reference in configuration.test_materials:
         load_material(reference, base=configuration.folder)
@@ -49,11 +51,22 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
         + f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells.lit:,} lit of"
         f" {cells.measured:,} measured cells, 99 % of what is seen in {cells.carrying[0.99]:,};"
         f" {cells.sampled:,} sampled\n"
+        f"  light table {table.exactness}\n"
         f"  search      {search.islands} islands of {search.island_size}, {per_generation:,} candidates a"
         f" generation, codebank of {bank}\n"
         f"  executor    {where}\n"
         f"  rate        {rate:.0f} candidates/s and process, {duration(generation_seconds)} a generation\n"
         f"  ends after  {', or '.join(limits)}, whatever comes first"
+    )
+    if not table.converged:
+        click.echo(f"warning: {not_converged(table)}", err=True)
+
+
+def not_converged(table: LightTable) -> str:
+    """What to tell of a light table that is not as exact as it should be."""
+    return (
+        f"the light table is {table.exactness}: errors of formulas that are nearly level may change places; a "
+        "light without small bright spots, or a geometry that shows more of its surface, comes nearer"
     )
 
 

@@ -12,8 +12,9 @@ from rich.console import Console
 from fitters import baselines
 from fitters.engine.warm import warm_up
 from fitters.materials import load_material
+from fitters.scenes import light_table
 from gpsearch import __version__
-from gpsearch.commands.estimate import estimate
+from gpsearch.commands.estimate import estimate, not_converged
 from gpsearch.commands.listing import list_models
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.signals import Terminated, terminable
@@ -108,7 +109,29 @@ def _read_test_materials(store: Store, configuration: Configuration, console: Co
                 load_material(reference, base=configuration.folder)
 
 
+def _integrate_light(store: Store, configuration: Configuration, console: Console) -> None:
+    """Has the light table made, once for all workers of this machine, and keeps with the run which and how exact.
+
+    Raises `GpsearchError` where the run has found something under another one, as versions before tables
+    converged made them.
+    """
+    with console.status("integrating the light"):
+        table = light_table(configuration.scene.recipe, base=configuration.folder)
+    if store.totals()[1] and store.meta("light_sha256") != table.sha256:
+        raise GpsearchError(
+            f"{store.path.parent}: this run was searched under another light table: its light or geometry has "
+            "changed, or an earlier gpsearch made it. Errors under two tables cannot be compared: begin anew "
+            "with another --run"
+        )
+    with store.transaction():
+        store.set_meta("light_sha256", table.sha256)
+        store.set_meta("light_distance", repr(table.distance))
+    if not table.converged:
+        console.print(f"warning: {not_converged(table)}")
+
+
 def _search(planned: Plan, store: Store, configuration: Configuration, console: Console) -> None:
+    _integrate_light(store, configuration, console)
     _read_test_materials(store, configuration, console)
     if not _is_remote(configuration):
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):

@@ -50,6 +50,7 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
             "materials": list(materials),
             **({"test_materials": list(tests)} if tests else {}),
             "scene": scene.model_dump(),
+            **_light(store),
             "metric": configuration.metric,
             "generations": generations,
             "candidates": candidates,
@@ -71,6 +72,12 @@ def front_json(store: Store, configuration: Configuration) -> dict[str, Any]:
 def _symbols(baseline: Baseline) -> tuple[str, ...] | None:
     """The parameters of a published formula; None for what is no formula."""
     return baseline.description.fit.names if isinstance(baseline, FormulaBaseline) else None
+
+
+def _light(store: Store) -> dict[str, Any]:
+    """How far the light table is from its limit; nothing for runs of versions that did not ask."""
+    distance = store.meta("light_distance")
+    return {} if distance is None else {"light_distance": float(distance)}
 
 
 def _member_entry(formula: ListedFormula, materials: tuple[str, ...]) -> dict[str, Any]:

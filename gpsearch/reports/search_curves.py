@@ -171,4 +171,7 @@ def _problem(configuration: Configuration) -> dict[str, object]:
         "scene.rotation": scene.rotation,
         "scene.resolution": scene.resolution,
         "scene.light_rows": scene.light_rows,
+        "scene.geometry": Path(scene.geometry).name,
+        "scene.shape": scene.shape,
+        "scene.shadows": scene.shadows,
     }
