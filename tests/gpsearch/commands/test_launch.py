@@ -1,8 +1,11 @@
 """`gpsearch launch` as a person at the terminal meets it."""
 
 import json
+import re
 import signal
+import shutil
 import socket
+import sqlite3
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,6 +17,7 @@ import pytest
 
 from fitters.materials import load_material
 from fitters.materials.merl import FILE_BYTES, HEADER, write_merl
+from fitters.scenes import geometries, sampled
 from gpsearch.exports import schema
 from gpsearch.front import Store
 from gpsearch.front.lock import holder
@@ -24,6 +28,14 @@ from tests.gpsearch.small import (
     gpsearch_process,
     small_text,
     without_times,
+)
+
+
+BALL = (
+    '<scene version="3.0.0"><sensor type="orthographic"><transform name="to_world">'
+    '<lookat origin="0,0,4" target="0,0,0" up="0,1,0"/></transform><film type="hdrfilm">'
+    '<integer name="width" value="16"/><integer name="height" value="16"/></film></sensor>'
+    '<shape type="sphere" id="ball"/></scene>'
 )
 
 
@@ -310,3 +322,36 @@ def test_a_damaged_run_is_refused(folder, content):
     (folder / "run" / "run.sqlite").write_bytes(content)
     message = refused(gpsearch("launch", "small.yaml", "--run", "run", cwd=folder), 2)
     assert "run/run.sqlite: not a readable run" in message
+
+
+@pytest.mark.parametrize("change", ["UPDATE meta SET value = 'another'", "DELETE FROM meta"])
+def test_a_run_under_another_light_table_does_not_go_on(whole, tmp_path, change):
+    """The light file has changed, or an earlier version made the table and did not say which."""
+    shutil.copytree(whole[0], tmp_path, dirs_exist_ok=True)
+    with sqlite3.connect(tmp_path / "runs/small/run.sqlite") as store:
+        store.execute(f"{change} WHERE key = 'light_sha256'")
+    message = refused(gpsearch_process("launch", "small.yaml", cwd=tmp_path), 2)
+    assert "runs/small: this run was searched under another light table" in message
+    assert "another --run" in message
+
+
+def test_a_light_table_that_has_not_converged_is_a_warning(tmp_path, monkeypatch):
+    """Of a scene file whose table may take few samples only."""
+    pytest.importorskip("mitsuba")
+    monkeypatch.setattr(geometries, "POINTS", 16)
+    monkeypatch.setattr(sampled, "ROUNDS", 1)
+    monkeypatch.setenv("GPSEARCH_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "ball.xml").write_text(BALL)
+    scene = {"light": "studio", "geometry": "ball.xml", "shadows": False}
+    budget = {"generations": 1, "minutes": None}
+    text = small_text(scene=scene, budget=budget, baselines=[], culling=0.0)
+    (tmp_path / "small.yaml").write_text(text)
+    checked = gpsearch("launch", "small.yaml", "--check", cwd=tmp_path)
+    assert re.search(r"light table sampled, \d+\.\d % from its limit", checked.stdout)
+    assert "warning: the light table is sampled" in checked.stderr
+    ran = gpsearch("launch", "small.yaml", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "warning: the light table is sampled" in ran.stderr
+    exported = json.loads((tmp_path / "runs/small/front.json").read_text())
+    jsonschema.validate(exported, schema())
+    assert exported["run"]["light_distance"] > 0.05
