@@ -9,12 +9,15 @@ from fitters.expressions.catalogue import CATALOGUE
 from fitters.factors import solving
 from fitters.fits import build_problem
 from fitters.materials import load_material
-from fitters.scenes import Scene
+from fitters.rendering import image_map
+from fitters.scenes import Scene, light_table, load_light
 from tests.benchmarks import (
     baselines,
     evaluation,
     fitting,
     growth,
+    light,
+    light_search,
     quality,
     scaling,
     search,
@@ -23,6 +26,7 @@ from tests.benchmarks import (
     stopping,
 )
 from tests.benchmarks.engine import SEARCHES, SECTIONS
+from tests.benchmarks.point_sampled import point_sampled
 from tests.benchmarks.problem import recipe
 
 SMALL = {
@@ -108,6 +112,31 @@ def test_evaluations_are_timed():
     table = speed.table(models, count=500, rounds=2)
     assert [row[:2] for row in table.rows] == [("ggx", 12), ("lambert", 3), (speed.CALL, None)]
     assert all(row[2] > 0 and row[4] > 0 for row in table.rows)
+
+
+def test_what_a_converged_light_changes_is_measured(tmp_path, monkeypatch):
+    monkeypatch.setattr(light, "MODELS", ("lambert", "bivariate"))
+    sky, material = load_light("studio"), load_material("builtin:metal")
+    distances = light.convergence(sky, [(8, 6), (16, 12)])
+    assert [row[1] for row in distances.rows][1:] == sorted((row[1] for row in distances.rows[1:]), reverse=True)
+    require_finite_positive_numbers([distances, light.pictures(sky, [material], 12)])
+    tables = {"point-sampled": point_sampled(sky, 8, 6), "converged": light_table(Scene())}
+    seen, kept = image_map(Scene(resolution=16)), tmp_path / "rows"
+    rows = list(light.kept(kept, light.rows_of([material], tables, seen, [])))
+    assert len(rows) == 4
+    assert list(light.rows_of([material], {}, seen, rows)) == []
+    assert light._there(kept) == rows
+    require_finite_positive_numbers([light.means(rows), light.per_material(rows)])
+    assert light.ranks(rows).rows
+
+
+def test_searches_on_two_light_tables_are_judged_by_the_same_pictures(small_recipe, monkeypatch):
+    monkeypatch.setattr(light_search, "RESOLUTION", 16)
+    monkeypatch.setattr(light_search, "SAMPLINGS", [(8, 6)])
+    monkeypatch.setattr(light_search, "SIZES", (120,))
+    table = light_search.compared(small_recipe, light_search.Extent(seeds=1, islands=1, size=4, generations=1))
+    assert len(table.rows) == 2
+    require_finite_positive_numbers([table])
 
 
 def test_every_section_is_tested():

@@ -102,7 +102,7 @@ class _Judge:
 
     def __init__(self, of: ProblemRecipe) -> None:
         self.materials = build_problem(of).source.materials
-        scene = replace(of.scene, resolution=max(of.scene.resolution, min(RESOLUTION, 96)))
+        scene = replace(of.scene, resolution=RESOLUTION)
         self.image = image_map(scene, base=Path(of.folder))
         self.truths = [self.image.of_material(material) for material in self.materials]
 

@@ -2,8 +2,8 @@
 
 import json
 import re
-import signal
 import shutil
+import signal
 import socket
 import sqlite3
 import subprocess
@@ -29,7 +29,6 @@ from tests.gpsearch.small import (
     small_text,
     without_times,
 )
-
 
 BALL = (
     '<scene version="3.0.0"><sensor type="orthographic"><transform name="to_world">'
