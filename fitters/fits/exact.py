@@ -1,5 +1,6 @@
 """The exact errors of a fit: the formula evaluated plainly in float64, which is what every report states."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,11 @@ from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features, parameter_free
 from fitters.fits.fit import Fit
 from fitters.fits.metrics import METRICS, Metric, length
-from fitters.fits.problem import FitProblem, weighted_target
+from fitters.fits.problem import CHANNELS, FitProblem, weighted_target
 from fitters.grid import Array
+
+BLOCK = 1 << 15
+"""Cells that are evaluated at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,16 +31,29 @@ def exact_errors(expression: Expression, problem: FitProblem, found: Fit) -> Exa
     """The errors of a fit over all cells of a problem, by every metric, evaluated in float64 with NumPy."""
     errors = {name: np.empty(len(problem.targets)) for name in METRICS}
     minimum = np.inf
-    shared = parameter_free(expression, problem.full.features)
-    for target in range(len(problem.targets)):
-        values = evaluate_features(expression, found.parameters(target), problem.full.features, shared)
-        minimum = min(minimum, float(values.min()))
-        for name, metric in METRICS.items():
-            weights, targets = _rows(problem, metric, target)
-            with np.errstate(all="ignore"):
-                error = length(weights * values - targets)
-            errors[name][target] = error if np.isfinite(error) else np.inf
+    for first in range(0, len(problem.targets), len(CHANNELS)):
+        of_material = range(first, first + len(CHANNELS))
+        for target, values in zip(of_material, _values(expression, problem, found, of_material), strict=True):
+            minimum = min(minimum, float(values.min()))
+            for name, metric in METRICS.items():
+                weights, targets = _rows(problem, metric, target)
+                with np.errstate(all="ignore"):
+                    error = length(weights * values - targets)
+                errors[name][target] = error if np.isfinite(error) else np.inf
     return ExactErrors(errors, minimum)
+
+
+def _values(expression: Expression, problem: FitProblem, found: Fit, targets: Sequence[int]) -> Array:
+    """The formula (targets, n) on all cells, block by block: a long formula has many values in between."""
+    features, count = problem.full.features, len(problem.full)
+    values = np.empty((len(targets), count))
+    parameters = [found.parameters(target) for target in targets]
+    for at in range(0, count, BLOCK):
+        block = {name: of_cells[at : at + BLOCK] for name, of_cells in features.items()}
+        shared = parameter_free(expression, block)
+        for row, given in zip(values, parameters, strict=True):
+            row[at : at + BLOCK] = evaluate_features(expression, given, block, shared)
+    return values
 
 
 def _rows(problem: FitProblem, metric: Metric, target: int) -> tuple[Array, Array]:
