@@ -5,6 +5,8 @@ import numpy as np
 from fitters.grid import Array
 from fitters.scenes.environment import EnvironmentMap
 
+ROUNDING = 1e-12
+"""A ring that holds less of all light than this is dark."""
 LINES = 16384
 """So many lines of constant elevation, at least, are integrated over the whole map."""
 
@@ -24,7 +26,9 @@ def ring_energies(light: EnvironmentMap, count: int, *, degrees: float = 0.0) ->
         bands = -np.diff(np.cos(limits))
         lines = _within(light.radiance[row], (limits[1:] + limits[:-1]) / 2, edges, np.radians(degrees))
         within += np.einsum("n,nmc->mc", bands, lines)
-    return np.diff(within, axis=0)
+    rings = np.diff(within, axis=0)
+    # What is left of differences of equal numbers is not light.
+    return np.where(rings > ROUNDING * np.sum(np.abs(rings), axis=0), rings, 0.0)
 
 
 def _within(radiance: Array, elevations: Array, edges: Array, turn: float) -> Array:

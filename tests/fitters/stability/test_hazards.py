@@ -98,14 +98,17 @@ def test_a_scale_is_a_factor(base, level):
 
 def test_scenes_of_one_texel(base):
     mirror, dark = made(base, "mirror"), made(base, "dark-scene")
-    assert np.count_nonzero(mirror.light.lit) < 1000
-    assert np.count_nonzero(dark.light.lit) < 20
+    # A texel of 11 degrees is a ring of half as much, that behind the sphere the last one.
+    rings = [np.unique(np.nonzero(case.light.lit)[1]) for case in (mirror, dark)]
+    assert len(rings[0]) < 8
+    assert rings[1].min() > 80
+    assert dark.light.table.sum() < 2e-3 * mirror.light.table.sum()
     # As much light arrives as the studio sends to a plane that faces the texel: at most its whole power.
     power = load_light("studio").power()
     totals = mirror.light.table.sum(axis=(1, 2, 3), dtype=np.float64)
     assert np.all(totals < power)
     np.testing.assert_allclose(totals / totals[0], power / power[0], rtol=1e-4)
-    assert studio().lit.sum() > 100 * np.count_nonzero(mirror.light.lit)
+    assert studio().lit.sum() > 10 * np.count_nonzero(mirror.light.lit)
 
 
 def test_an_empty_channel_and_a_turning_colour(base):
