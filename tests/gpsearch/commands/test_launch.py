@@ -209,6 +209,7 @@ def test_check_prints_the_plan_and_runs_nothing(folder):
     for words in (
         "small: the configuration is valid",
         "materials   metal (3 targets)",
+        "light table in closed form",
         "2 islands of 8, 16 candidates a generation",
         "executor    this process",
         "4 generations",
