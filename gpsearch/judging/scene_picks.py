@@ -145,10 +145,10 @@ def picks_text(found: ScenePicks, tolerance: Tolerance, by: By) -> str:
         "of what is seen"
     )
     for name, price in found.prices.items():
+        beyond = f", {price.beyond:.4f} where the scene does not look" if cells.lit < cells.measured else ""
         lines.append(
             f"  the formula for all, free and fitted to {price.cells:,} cells ({name}): light error "
-            f"{price.scene:.4f}, {price.turned:.4f} with the light turned half round, {price.beyond:.4f} where "
-            "the scene does not look"
+            f"{price.scene:.4f}, {price.turned:.4f} with the light turned half round{beyond}"
         )
     return "\n".join(lines)
 
