@@ -12,6 +12,7 @@ from unittest.mock import patch
 
 import yaml
 
+from fitters.scenes import light_table
 from gpsearch.commands import main
 from gpsearch.configuration import Configuration, parse_configuration
 from gpsearch.front import Store
@@ -83,6 +84,9 @@ def run_search(
 ) -> Store:
     """Runs or goes on with a search in a folder, in this process by default; its store, still open."""
     store = Store.open(folder) if (folder / "run.sqlite").exists() else Store.create(folder, configuration.text())
+    with store.transaction():
+        # As a launch does, so that one may go on with it.
+        store.set_meta("light_sha256", light_table(configuration.scene.recipe, base=configuration.folder).sha256)
     Search(plan(configuration), store, executor or LocalExecutor(), watcher or Watching()).run()
     return store
 
