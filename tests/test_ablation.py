@@ -14,9 +14,9 @@ from fitters.engine import prepared
 from fitters.engine.program import lower
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import build_problem, fit
-from fitters.fits.metrics import METRICS
-from gpsearch.front import Store
+from fitters.fitting import build_problem, fit
+from fitters.judging.metrics import METRICS
+from gpsearch.run import Store
 from gpsearch.search.plan import problem_recipe
 from tests.benchmarks import ablation_fits
 from tests.benchmarks.ablation import (

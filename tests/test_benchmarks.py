@@ -6,9 +6,9 @@ from dataclasses import replace
 import pytest
 
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.factors import solving
-from fitters.fits import build_problem
+from fitters.fitting import build_problem
 from fitters.materials import load_material
+from fitters.models.factors import solving
 from fitters.rendering import image_map
 from fitters.scenes import Scene, light_table, load_light
 from tests.benchmarks import (

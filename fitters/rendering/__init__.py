@@ -1,7 +1,6 @@
-"""Rendering: pictures of a scene with a model, without noise, and how far one is from another."""
+"""Rendering: pictures of a scene with a model, without noise."""
 
 from fitters.rendering.image_map import ImageMap, image_map
-from fitters.rendering.metrics import IMAGE_METRICS, Comparison, ImageMetric
 from fitters.rendering.picture import Picture
 
-__all__ = ["IMAGE_METRICS", "Comparison", "ImageMap", "ImageMetric", "Picture", "image_map"]
+__all__ = ["ImageMap", "Picture", "image_map"]

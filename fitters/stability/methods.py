@@ -8,19 +8,11 @@ from functools import lru_cache, partial
 import numpy as np
 from scipy.optimize import minimize
 
-from fitters.baselines import fit_baseline, formula_model
 from fitters.errors import FittersError
 from fitters.expressions import Expression, to_text
 from fitters.expressions.catalogue import formula
 from fitters.expressions.evaluation import evaluate_features
-from fitters.factors import solving
-from fitters.factors.channel import Channel
-from fitters.factors.fitting import FactorFit, fit_from_starts, fit_independent_g, fit_naive
-from fitters.factors.samples import Samples
-from fitters.factors.solving import Solved
-from fitters.factors.starts import slices, starts
-from fitters.factors.tables import MicrofacetFactors, SmithFactors
-from fitters.fits import (
+from fitters.fitting import (
     ConfirmJob,
     DescriptionJob,
     FitJob,
@@ -30,11 +22,19 @@ from fitters.fits import (
     describe,
     fit_problem,
 )
-from fitters.fits.conditioning import Conditioning, conditioning
-from fitters.fits.problem import CHANNELS
-from fitters.fits.warnings import restart_errors
+from fitters.fitting.conditioning import Conditioning, conditioning
+from fitters.fitting.problem import CHANNELS
+from fitters.fitting.warnings import restart_errors
 from fitters.grid import Array
 from fitters.models import FormulaModel, Model
+from fitters.models.baselines import fit_baseline, formula_model
+from fitters.models.factors import solving
+from fitters.models.factors.channel import Channel
+from fitters.models.factors.fitting import FactorFit, fit_from_starts, fit_independent_g, fit_naive
+from fitters.models.factors.samples import Samples
+from fitters.models.factors.solving import Solved
+from fitters.models.factors.starts import slices, starts
+from fitters.models.factors.tables import MicrofacetFactors, SmithFactors
 from fitters.stability.case import Case
 
 SAMPLE, FINE = 2048, 16384

@@ -10,10 +10,10 @@ from functools import lru_cache
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from fitters.baselines import judge_at
 from fitters.errors import FittersError
-from fitters.fits.problem import CHANNELS, lit_source
+from fitters.fitting.problem import CHANNELS, lit_source
 from fitters.materials import Material, load_material
+from fitters.models.baselines import judge_at
 from fitters.stability.case import Base, Case, metal, undisturbed
 from fitters.stability.hazards import HAZARDS
 from fitters.stability.methods import METHODS, Found

@@ -6,9 +6,8 @@ from typing import Any
 import click
 from rich.console import Console
 
-from fitters.fits.problem import CHANNELS
+from fitters.fitting.problem import CHANNELS
 from fitters.grid import CELLS
-from gpsearch.charts import Chart, chart_of, entry, timed_fits, timings, write_page, write_pictures, write_table
 from gpsearch.commands.described import described
 from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, make_folder, print_json, run_argument
@@ -16,6 +15,16 @@ from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
 from gpsearch.judging import contenders
 from gpsearch.judging.contenders import materials_of
+from gpsearch.pictures.chart import (
+    Chart,
+    chart_of,
+    entry,
+    timed_fits,
+    timings,
+    write_page,
+    write_pictures,
+    write_table,
+)
 
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")
 

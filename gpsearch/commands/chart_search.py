@@ -9,8 +9,8 @@ import click
 
 from gpsearch.commands.progress import duration
 from gpsearch.commands.runs import json_option, open_run, print_json
-from gpsearch.reports.search_chart import search_chart
-from gpsearch.reports.search_curves import Curve, SearchedRun, curves
+from gpsearch.pictures.search_chart import search_chart
+from gpsearch.pictures.search_curves import Curve, SearchedRun, curves
 
 
 @click.command("chart-search")

@@ -5,8 +5,8 @@ import time
 
 import click
 
-from fitters.fits import Candidate, build_problem
-from fitters.fits.reduction import reduction
+from fitters.fitting import Candidate, build_problem
+from fitters.fitting.reduction import reduction
 from fitters.materials import load_material
 from fitters.scenes import LightTable, light_table
 from gpsearch.commands.progress import duration

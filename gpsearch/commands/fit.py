@@ -7,10 +7,10 @@ from typing import get_args
 import click
 from click.core import ParameterSource
 
-from fitters.baselines import FACTORS, TABULATED
-from fitters.factors.fitting import Solver
-from fitters.fits import METRICS
+from fitters.fitting import METRICS
 from fitters.materials import is_anisotropic
+from fitters.models.baselines import FACTORS, TABULATED
+from fitters.models.factors.fitting import Solver
 from fitters.models.saving import save as save_model
 from gpsearch.commands.fit_baseline import fit_anisotropic, fit_tabulated
 from gpsearch.commands.fit_formula import fit_formula

@@ -6,7 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from fitters.baselines import (
+from fitters.fitting.problem import lit_source
+from fitters.judging.metrics import METRICS
+from fitters.materials import is_anisotropic, load_anisotropic, load_material
+from fitters.models.baselines import (
     ANISOTROPIC,
     COSINE,
     Fitted,
@@ -15,10 +18,7 @@ from fitters.baselines import (
     judge_at,
     of_anisotropic,
 )
-from fitters.factors.fitting import Solver
-from fitters.fits.metrics import METRICS
-from fitters.fits.problem import lit_source
-from fitters.materials import is_anisotropic, load_anisotropic, load_material
+from fitters.models.factors.fitting import Solver
 from fitters.scenes import light_table
 from gpsearch.commands.fit_outcome import Outcome, Request, channel_lines, named
 from gpsearch.errors import GpsearchError

@@ -4,11 +4,10 @@ import math
 import re
 from pathlib import Path
 
-from fitters.baselines import formula_model, unknown
 from fitters.errors import FittersError
 from fitters.expressions import Expression, parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
-from fitters.fits import (
+from fitters.fitting import (
     ConfirmJob,
     Description,
     DescriptionJob,
@@ -20,7 +19,8 @@ from fitters.fits import (
     confirm,
     describe,
 )
-from fitters.fits.problem import CHANNELS
+from fitters.fitting.problem import CHANNELS
+from fitters.models.baselines import formula_model, unknown
 from gpsearch.commands.fit_outcome import Outcome, Request, channel_lines, named
 from gpsearch.configuration import FitSection, Search
 from gpsearch.errors import GpsearchError

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fitters.fits.problem import CHANNELS
+from fitters.fitting.problem import CHANNELS
 from fitters.models import Model
 from fitters.scenes import Scene
 

@@ -8,13 +8,13 @@ from typing import Any
 import click
 from rich.console import Console
 
-from fitters.baselines import KINDS, TABULATED
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import CATALOGUE
+from fitters.judging.card import METRIC_NAMES
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel
+from fitters.models.baselines import KINDS, TABULATED
 from fitters.models.saving import load as load_model
-from fitters.rendering.card import METRIC_NAMES
 from gpsearch.commands.described import described
 from gpsearch.commands.fit_baseline import fit_tabulated
 from gpsearch.commands.fit_formula import fit_formula
@@ -28,7 +28,7 @@ from gpsearch.judging.contenders import joined
 from gpsearch.judging.materials import materials_of_run, named_material, require_different_names
 from gpsearch.judging.scenes import NamedScene, named_scene, scene_of
 from gpsearch.judging.transfers import entries_of, transfers, with_tests
-from gpsearch.reports.card_sheet import card_sheet, number
+from gpsearch.pictures.card_sheet import card_sheet, number
 
 SHORT = {
     "delta-e-2000": "dE 2000",

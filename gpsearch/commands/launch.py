@@ -9,9 +9,9 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from fitters import baselines
 from fitters.engine.warm import warm_up
 from fitters.materials import load_material
+from fitters.models import baselines
 from fitters.scenes import light_table
 from gpsearch import __version__
 from gpsearch.commands.estimate import estimate, not_converged
@@ -23,10 +23,10 @@ from gpsearch.configuration.references import resolve_path
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.exports import front_json
 from gpsearch.exports.front_json import to_text
-from gpsearch.front import Store
-from gpsearch.front.lock import RunLock
-from gpsearch.front.store import FILE
-from gpsearch.reports import plot_front
+from gpsearch.pictures import plot_front
+from gpsearch.run import Store
+from gpsearch.run.lock import RunLock
+from gpsearch.run.store import FILE
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
 from workers import DaskSettings, LocalSettings, Settings, Tls, WorkersError, open_executor

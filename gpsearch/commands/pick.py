@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from fitters.fits import build_problem
+from fitters.fitting import build_problem
 from fitters.scenes import light_table
 from gpsearch.commands.described import described
 from gpsearch.commands.progress import counted
@@ -20,7 +20,7 @@ from gpsearch.judging.picking import ORDERS, By, pick
 from gpsearch.judging.scene_picks import ScenePicks, picks_json, picks_text
 from gpsearch.judging.scenes import NamedScene, named_scene, scene_of
 from gpsearch.judging.tolerance import EXAMPLE, Tolerance, parse_tolerance
-from gpsearch.reports.scene_plot import plot_scenes
+from gpsearch.pictures.scene_plot import plot_scenes
 from gpsearch.search.plan import plan, problem_recipe
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.front import Store
+from gpsearch.run import Store
 
 run_argument = click.argument("run", type=click.Path(path_type=Path))
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output.")

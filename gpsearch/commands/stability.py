@@ -12,8 +12,8 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from fitters import baselines
 from fitters.engine.warm import warm_up
+from fitters.models import baselines
 from fitters.stability import (
     HAZARDS,
     METHODS,
@@ -33,7 +33,7 @@ from gpsearch import __version__
 from gpsearch.commands.progress import duration
 from gpsearch.commands.runs import json_option, print_json, write_text
 from gpsearch.exports.front_json import to_text
-from gpsearch.reports.stability_plot import plot_stability
+from gpsearch.pictures.stability_plot import plot_stability
 from workers import DaskSettings, Failure, Job, LocalSettings, Recipe, open_executor
 
 SCHEMA = "gpsearch-stability/1"

@@ -11,8 +11,8 @@ import click
 from gpsearch.commands.progress import duration, seconds_left, work
 from gpsearch.commands.runs import json_option, open_run, print_json, run_argument
 from gpsearch.configuration import Configuration
-from gpsearch.front import Store
-from gpsearch.front.lock import holder
+from gpsearch.run import Store
+from gpsearch.run.lock import holder
 from gpsearch.search.plan import budget_of
 
 LAST_EVENTS = 5

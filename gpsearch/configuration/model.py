@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
-from fitters.baselines import TABULATED
 from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import METRICS
+from fitters.fitting import METRICS
+from fitters.models.baselines import TABULATED
 from gpsearch.configuration.comparison import FINDS_THE_SAME, Difference, differences
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.references import (

@@ -7,7 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, fie
 
 from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import FitSettings
+from fitters.fitting import FitSettings
 from fitters.scenes import Scene
 from fitters.scenes.scene import SPHERE
 from gpsearch.configuration.fields import Number, Section, Whole, number, section, whole
@@ -226,7 +226,7 @@ class Search(Section):
 
 
 class FitSection(Section):
-    """What `fitters.fits.FitSettings` takes, and over how many cells.
+    """What `fitters.fitting.FitSettings` takes, and over how many cells.
 
     cells:          sampled, of the screening fit of every candidate
     confirm_cells:  sampled, of the fit of what may enter the front

@@ -7,13 +7,13 @@ from typing import Any, TypeVar
 
 from fitters import expressions
 from fitters.expressions.catalogue import formula as published_formula
-from fitters.fits import Description
-from fitters.fits.problem import CHANNELS
+from fitters.fitting import Description
+from fitters.fitting.problem import CHANNELS
 from gpsearch import __version__
 from gpsearch.configuration import Configuration
 from gpsearch.exports.numbers import finite, finite_or_none
 from gpsearch.exports.transfers import transfer_entry
-from gpsearch.front import Baseline, FormulaBaseline, ListedFormula, Store, TabulatedBaseline, listed_formulas
+from gpsearch.run import Baseline, FormulaBaseline, ListedFormula, Store, TabulatedBaseline, listed_formulas
 
 SCHEMA = "gpsearch-front/1"
 

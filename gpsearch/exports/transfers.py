@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fitters.fits import METRICS
-from fitters.fits.problem import CHANNELS
+from fitters.fitting import METRICS
+from fitters.fitting.problem import CHANNELS
 from gpsearch.exports.numbers import finite, finite_or_none
-from gpsearch.front import Transfer, combined
+from gpsearch.run import Transfer, combined
 
 
 def transfer_entry(

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from fitters.fits.table_metrics import TABLE_METRICS
+from fitters.judging.card import HIGHER_IS_BETTER, METRIC_NAMES, Card, Judge
+from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.table_metrics import TABLE_METRICS
 from fitters.materials import Material
-from fitters.rendering import IMAGE_METRICS, Picture
-from fitters.rendering.card import HIGHER_IS_BETTER, METRIC_NAMES, Card, Judge
+from fitters.rendering import Picture
 from gpsearch.judging.contenders import Contender
 from gpsearch.judging.scenes import NamedScene
 

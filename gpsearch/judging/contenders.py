@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from fitters.baselines import TABULATED, kept_baseline
 from fitters.errors import FittersError
 from fitters.expressions import parse
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel, Model
+from fitters.models.baselines import TABULATED, kept_baseline
 from gpsearch.configuration import Configuration
 
 FOUND = "found"

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.errors import FittersError
-from fitters.fits import METRICS
+from fitters.fitting import METRICS
+from fitters.judging.image_metrics import IMAGE_METRICS
 from fitters.materials import Material
-from fitters.rendering import IMAGE_METRICS, ImageMap, Picture
+from fitters.rendering import ImageMap, Picture
 from gpsearch.judging.contenders import Contender
 
 ERROR = "error"

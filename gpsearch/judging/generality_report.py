@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from fitters.rendering import IMAGE_METRICS
+from fitters.judging.image_metrics import IMAGE_METRICS
 from gpsearch.judging.contenders import FOUND
 from gpsearch.judging.generality import COMPARED, ERROR, IMAGES, Scored
 from gpsearch.judging.scenes import NamedScene

@@ -5,20 +5,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitters.baselines import formula_model, judge_at
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import ConfirmJob, Fit, FitJob, FitProblem, FitSettings, confirm
-from fitters.fits.polish import polish
-from fitters.fits.problem import lit_source, of_material
-from fitters.fits.table_metrics import TABLE_METRICS, table_errors
+from fitters.fitting import ConfirmJob, Fit, FitJob, FitProblem, FitSettings, confirm
+from fitters.fitting.polish import polish
+from fitters.fitting.problem import lit_source, of_material
+from fitters.fitting.sharing import Sharing, share
 from fitters.grid import SHAPE
+from fitters.judging.card import model_values
+from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.table_metrics import TABLE_METRICS, table_errors
+from fitters.judging.timing import closure, incoherent, measure
 from fitters.materials import Material
 from fitters.models import FormulaModel, Model
-from fitters.rendering import IMAGE_METRICS
-from fitters.rendering.card import model_values
-from fitters.sharing import Sharing, share
-from fitters.speed import closure, incoherent, measure
+from fitters.models.baselines import formula_model, judge_at
 from gpsearch.judging.contenders import Contender
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.tolerance import Tolerance

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from fitters.sharing import SCOPES, Sharing
+from fitters.fitting.sharing import SCOPES, Sharing
 from gpsearch.judging.offers import Offer
 from gpsearch.judging.tolerance import Tolerance
 

@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fitters.expressions import parse
-from fitters.fits.reduction import Price, Reduction, prices, reduction
+from fitters.fitting.reduction import Price, Reduction, prices, reduction
+from fitters.fitting.sharing import SCOPES
 from fitters.models import FormulaModel
 from fitters.scenes import LightTable
-from fitters.sharing import SCOPES
 from gpsearch.judging.offers import Offer, Refitter
 from gpsearch.judging.picking import By, Pick
 from gpsearch.judging.scenes import NamedScene

@@ -6,9 +6,9 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitters.fits.table_metrics import TABLE_METRICS
-from fitters.rendering import IMAGE_METRICS
-from fitters.rendering.card import HIGHER_IS_BETTER, METRIC_NAMES
+from fitters.judging.card import HIGHER_IS_BETTER, METRIC_NAMES
+from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.table_metrics import TABLE_METRICS
 from gpsearch.configuration.wording import listed, nearest
 from gpsearch.errors import GpsearchError
 

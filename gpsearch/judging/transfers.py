@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fitters.baselines import BaselineJob, judge_baseline
-from fitters.fits import FitProblem, build_problem, transfer
+from fitters.fitting import FitProblem, build_problem, transfer
+from fitters.models.baselines import BaselineJob, judge_baseline
 from gpsearch.configuration import Configuration
 from gpsearch.exports.front_json import baseline_entry
 from gpsearch.exports.transfers import transfer_entry
-from gpsearch.front import FormulaBaseline, Transfer
 from gpsearch.judging.materials import NamedMaterial
+from gpsearch.run import FormulaBaseline, Transfer
 from gpsearch.search.plan import Plan, plan, problem_recipe
 
 REFERENCES = ("cook-torrance", "ggx")

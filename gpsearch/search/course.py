@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from typing import Any
 
 from fitters.expressions.canonical import Canonical
-from fitters.fits import Candidate, Confirmed, ConfirmJob, confirm
-from fitters.fits.problem import CHANNELS
+from fitters.fitting import Candidate, Confirmed, ConfirmJob, confirm
+from fitters.fitting.problem import CHANNELS
 from gpsearch.evolution.island import Island, advance, survive
-from gpsearch.front import Generation, Known, Member, Quarantined, Screened, Store
+from gpsearch.run import Generation, Known, Member, Quarantined, Screened, Store
 from gpsearch.search.entrants import Entrant, entrants
 from gpsearch.search.memory import Memory, Parameters, Shared, named
 from gpsearch.search.plan import Plan

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import Canonical, canonical
-from fitters.fits import Confirmed
+from fitters.fitting import Confirmed
 from gpsearch.evolution.island import Island, Offspring
-from gpsearch.front import Member
 from gpsearch.genomes import Genome
+from gpsearch.run import Member
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from fitters.expressions import grammar, parse
 from fitters.expressions.canonical import Canonical, canonical
-from fitters.fits import Fit
-from gpsearch.front import Front, Known, Member
+from fitters.fitting import Fit
+from gpsearch.run import Front, Known, Member
 
 Parameters = NDArray[np.float32]
 """(targets, parameters) of a fit, columns in the order of the canonical expression's p0, p1, .."""

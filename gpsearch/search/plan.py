@@ -7,7 +7,7 @@ from math import ceil
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import formula
-from fitters.fits import Candidate, Fit, FitJob, FitProblem, FitSettings, ProblemRecipe, build_problem, screen
+from fitters.fitting import Candidate, Fit, FitJob, FitProblem, FitSettings, ProblemRecipe, build_problem, screen
 from gpsearch.configuration import Configuration
 from gpsearch.evolution.island import Breeding
 from gpsearch.evolution.seeds import cells_seed

@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from typing import Any
 
-from gpsearch.front import Store
+from gpsearch.run import Store
 from gpsearch.search.course import Course
 from gpsearch.search.memory import Shared
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from typing import Any
 
-from fitters.baselines import TABULATED, BaselineJob, judge_baseline
-from fitters.culling import CullJob, cull
-from fitters.fits import ConfirmJob, Description, DescriptionJob, confirm, describe
-from gpsearch.front import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
+from fitters.fitting import ConfirmJob, Description, DescriptionJob, confirm, describe
+from fitters.fitting.culling import CullJob, cull
+from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
+from gpsearch.run import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane
 

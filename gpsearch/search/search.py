@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gpsearch.evolution.island import Island, migrate
-from gpsearch.front import Front, Generation, Member, Store
+from gpsearch.run import Front, Generation, Member, Store
 from gpsearch.search.course import Course
 from gpsearch.search.plan import Plan
 from gpsearch.search.recollection import Recollection

@@ -3,10 +3,10 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fitters.baselines import TABULATED, BaselineJob, judge_baseline
-from fitters.fits import FitJob, transfer
+from fitters.fitting import FitJob, transfer
+from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
 from gpsearch.configuration.references import material_name
-from gpsearch.front import Quarantined, Store, Transfer, listed_formulas
+from gpsearch.run import Quarantined, Store, Transfer, listed_formulas
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane, Stopped
 

@@ -26,9 +26,9 @@ import yaml
 from fitters.engine.warm import warm_up
 from gpsearch.commands.runs import open_run
 from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.front import Store
-from gpsearch.front.store import FILE
-from gpsearch.reports.search_curves import Curve, SearchedRun, curves
+from gpsearch.pictures.search_curves import Curve, SearchedRun, curves
+from gpsearch.run import Store
+from gpsearch.run.store import FILE
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search
 from tests.benchmarks import ablation_fits

@@ -13,9 +13,9 @@ import numpy as np
 
 from fitters.engine import program
 from fitters.expressions import parse
-from fitters.fits import Candidate, FitProblem, refit
+from fitters.fitting import Candidate, FitProblem, refit
 from gpsearch.configuration import Configuration
-from gpsearch.front import Store
+from gpsearch.run import Store
 from gpsearch.search.plan import Plan, plan
 from tests.benchmarks.arms import ARMS, lower_without_split, substituted
 from tests.benchmarks.runs import Silent

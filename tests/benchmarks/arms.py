@@ -17,14 +17,14 @@ import numpy as np
 from fitters.engine import prepared, program
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
-from fitters.fits import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
-from fitters.fits.fit import Bounds, _prepared, _starts, _stated
-from fitters.fits.metrics import Metric
-from fitters.fits.problem import Cells
+from fitters.fitting import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
+from fitters.fitting.fit import Bounds, _prepared, _starts, _stated
+from fitters.fitting.problem import Cells
+from fitters.judging.metrics import Metric
 from gpsearch.search import course
 from gpsearch.search.memory import Memory
 
-fitting = sys.modules["fitters.fits.fit"]
+fitting = sys.modules["fitters.fitting.fit"]
 """The module: in its package, the function has taken its name."""
 
 ALL_CELLS = 10_000_000

@@ -14,16 +14,17 @@ from pathlib import Path
 import click
 import numpy as np
 
-from fitters.baselines import TABULATED, fit_baseline, judge
 from fitters.engine.warm import warm_up
 from fitters.errors import FittersError
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
-from fitters.factors.objective import objective
-from fitters.fits import ConfirmJob, FitJob, FitProblem, FitSettings, confirm, fit_problem
+from fitters.fitting import ConfirmJob, FitJob, FitProblem, FitSettings, confirm, fit_problem
+from fitters.judging.image_metrics import IMAGE_METRICS
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel, Model
-from fitters.rendering import IMAGE_METRICS, Picture, image_map
+from fitters.models.baselines import TABULATED, fit_baseline, judge
+from fitters.models.factors.objective import objective
+from fitters.rendering import Picture, image_map
 from fitters.scenes import Scene, light_table
 from tests.benchmarks.problem import PROBE, SEED, data_folder
 from tests.benchmarks.reference_materials import MaterialSet, authors_factors, material_sets

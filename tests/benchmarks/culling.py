@@ -8,10 +8,9 @@ from pathlib import Path
 
 import click
 
-from fitters.culling import CullJob, cull
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import formula
-from fitters.fits import (
+from fitters.fitting import (
     ConfirmJob,
     DescriptionJob,
     FitJob,
@@ -21,6 +20,7 @@ from fitters.fits import (
     confirm,
     describe,
 )
+from fitters.fitting.culling import CullJob, cull
 from tests.benchmarks.problem import data_folder, recipe
 from tests.benchmarks.table import Cell, Table
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 
 from fitters.engine.warm import warm_up
-from fitters.fits import FitProblem, ProblemRecipe, build_problem
+from fitters.fitting import FitProblem, ProblemRecipe, build_problem
 from tests.benchmarks import evaluation, fitting, growth, quality, search, stopping
 from tests.benchmarks.problem import data_folder, recipe
 from tests.benchmarks.table import Table

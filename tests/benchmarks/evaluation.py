@@ -10,8 +10,8 @@ from fitters.engine.multistart import Descent
 from fitters.engine.prepared import Prepared
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fits import FitProblem, fit
-from fitters.fits.problem import Cells
+from fitters.fitting import FitProblem, fit
+from fitters.fitting.problem import Cells
 from tests.benchmarks.candidates import Candidate, catalogue
 from tests.benchmarks.problem import draw
 from tests.benchmarks.table import Cell, Table

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitters.fits import Fit, FitProblem, FitSettings, fit, refit
-from fitters.fits.problem import Cells
+from fitters.fitting import Fit, FitProblem, FitSettings, fit, refit
+from fitters.fitting.problem import Cells
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import EVALUATIONS, PlainFit
 from tests.benchmarks.problem import SEED

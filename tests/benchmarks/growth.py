@@ -7,8 +7,8 @@ import numpy as np
 
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import formula
-from fitters.fits import Fit, FitProblem, fit
-from fitters.fits.problem import Cells, Coarse, sample
+from fitters.fitting import Fit, FitProblem, fit
+from fitters.fitting.problem import Cells, Coarse, sample
 from tests.benchmarks.problem import SEED, draw
 from tests.benchmarks.table import Table
 from tests.benchmarks.timing import medians

@@ -15,15 +15,16 @@ import click
 import numpy as np
 from scipy.stats import spearmanr
 
-from fitters.baselines import TABULATED, kept_baseline
 from fitters.engine.warm import warm_up
-from fitters.fits import fit_problem
-from fitters.fits.table_metrics import table_errors
+from fitters.fitting import fit_problem
 from fitters.grid import CELLS, SHAPE, Array
+from fitters.judging.card import model_values
+from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.table_metrics import table_errors
 from fitters.materials import Material, load_material
 from fitters.models import Model
-from fitters.rendering import IMAGE_METRICS, ImageMap, Picture, image_map
-from fitters.rendering.card import model_values
+from fitters.models.baselines import TABULATED, kept_baseline
+from fitters.rendering import ImageMap, Picture, image_map
 from fitters.rendering.image_map import mapped
 from fitters.scenes import EnvironmentMap, LightTable, Scene, light_table, load_light
 from fitters.scenes.geometry import sphere

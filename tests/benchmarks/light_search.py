@@ -12,12 +12,13 @@ from pathlib import Path
 import click
 import numpy as np
 
-from fitters.baselines import formula_model
 from fitters.expressions import parse
-from fitters.fits import FitProblem, ProblemRecipe, build_problem, fit_problem
-from fitters.rendering import IMAGE_METRICS, image_map
+from fitters.fitting import FitProblem, ProblemRecipe, build_problem, fit_problem
+from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.models.baselines import formula_model
+from fitters.rendering import image_map
 from fitters.scenes import load_light
-from gpsearch.front import Member, Store
+from gpsearch.run import Member, Store
 from gpsearch.search.search import Search
 from tests.benchmarks.light import RESOLUTION, SAMPLINGS, SEEN
 from tests.benchmarks.point_sampled import point_sampled

@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import psutil
 
-from gpsearch.front import Store
+from gpsearch.run import Store
 from gpsearch.search import course
 from gpsearch.search.search import Search, Standing
 from tests.benchmarks.runs import Silent

@@ -8,7 +8,7 @@ import pyoperon
 
 from fitters.expressions import Expression, grammar
 from fitters.expressions.evaluation import FEATURES, dot_feature
-from fitters.fits.problem import Cells
+from fitters.fitting.problem import Cells
 
 _TYPES = {
     "neg": "Sub",

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fitters.fits import ProblemRecipe
-from fitters.fits.problem import COARSE, Cells
+from fitters.fitting import ProblemRecipe
+from fitters.fitting.problem import COARSE, Cells
 from fitters.scenes import Scene
 
 SEED = 1

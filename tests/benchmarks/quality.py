@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitters.fits import Fit, FitProblem, FitSettings, fit
+from fitters.fitting import Fit, FitProblem, FitSettings, fit
 from fitters.grid import Array
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import PlainFit

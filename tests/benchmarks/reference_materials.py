@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from fitters.factors.tables import MicrofacetFactors
 from fitters.materials import Material, load_material
 from fitters.materials.material import from_samples
+from fitters.models.factors.tables import MicrofacetFactors
 from tests.benchmarks.problem import BUILT_IN
 
 

@@ -2,7 +2,7 @@
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import FitSettings, ProblemRecipe, build_problem
+from fitters.fitting import FitSettings, ProblemRecipe, build_problem
 from gpsearch.evolution.island import Breeding
 from gpsearch.genomes import Mutation, codebank
 from gpsearch.search.plan import Budget, Plan

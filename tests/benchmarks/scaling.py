@@ -20,7 +20,7 @@ import click
 from distributed import Client
 
 from fitters.engine.warm import warm_up
-from fitters.fits import ProblemRecipe
+from fitters.fitting import ProblemRecipe
 from gpsearch.evolution import island as evolution
 from gpsearch.evolution.island import Island
 from gpsearch.search.plan import Plan

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fitters.fits import ProblemRecipe
-from gpsearch.front import Generation, Store
+from fitters.fitting import ProblemRecipe
+from gpsearch.run import Generation, Store
 from gpsearch.search.search import Search, Standing
 from tests.benchmarks.runs import Silent, plan
 from tests.benchmarks.table import Cell, Table

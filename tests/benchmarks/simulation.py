@@ -20,10 +20,10 @@ import numpy as np
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
-from fitters.fits import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
-from fitters.fits.fit import POOR
-from fitters.fits.problem import CHANNELS
-from gpsearch.front import Store
+from fitters.fitting import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
+from fitters.fitting.fit import POOR
+from fitters.fitting.problem import CHANNELS
+from gpsearch.run import Store
 from gpsearch.search import course
 from gpsearch.search.plan import Plan
 from tests.benchmarks.metering import UndescribedSearch
@@ -142,7 +142,7 @@ def screen(
     bounds: tuple[tuple[str, float, float], ...],
     settings: FitSettings,
 ) -> Fit:
-    """In place of `fitters.fits.screen`."""
+    """In place of `fitters.fitting.screen`."""
     form = candidate.expression
     error, standard_error = recording.error(form)
     finished = error <= POOR * candidate.bar
@@ -152,7 +152,7 @@ def screen(
 
 
 def confirm(recording: Recording, task: ConfirmJob) -> Confirmed:
-    """In place of `fitters.fits.confirm`."""
+    """In place of `fitters.fitting.confirm`."""
     (text,) = task.job.expressions
     form = canonical(parse(text)).text
     error, standard_error = recording.error(form)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from fitters.factors import FactorFit, fit_g_from_d, fit_independent_g, fit_naive
-from fitters.factors.objective import objective
 from fitters.materials import Material
+from fitters.models.factors import FactorFit, fit_g_from_d, fit_independent_g, fit_naive
+from fitters.models.factors.objective import objective
 from tests.benchmarks.reference_materials import authors_factors
 from tests.benchmarks.table import Cell, Table
 

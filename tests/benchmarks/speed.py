@@ -6,14 +6,13 @@ of their ranges, which time does not depend on.
 
 import numpy as np
 
-from fitters import factors, power_iterations
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import CATALOGUE
+from fitters.judging.timing import closure, coherent, empty, incoherent, measure
+from fitters.judging.timing.directions import COUNT
+from fitters.judging.timing.harness import ROUNDS
 from fitters.materials import load_material
-from fitters.models import FormulaModel, MeasuredTable, Model
-from fitters.speed import closure, coherent, empty, incoherent, measure
-from fitters.speed.directions import COUNT
-from fitters.speed.harness import ROUNDS
+from fitters.models import FormulaModel, MeasuredTable, Model, factors, power_iterations
 from tests.benchmarks.table import Table
 
 CALL = "empty call"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
-from fitters.fits import Candidate, Fit, FitProblem, ProblemRecipe, build_problem
+from fitters.fitting import Candidate, Fit, FitProblem, ProblemRecipe, build_problem
 from gpsearch.evolution.island import Island
-from gpsearch.front import Generation, Member, Store
+from gpsearch.run import Generation, Member, Store
 from gpsearch.search.course import Course
 from gpsearch.search.entrants import Entrant
 from gpsearch.search.plan import Plan

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import psutil
 
-from gpsearch.front import Store
+from gpsearch.run import Store
 
 PATIENCE_SECONDS = 180.0
 BIN = Path(sys.executable).parent

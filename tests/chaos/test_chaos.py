@@ -18,7 +18,7 @@ import psutil
 import pytest
 
 import fitters.cache
-from gpsearch.front import Store
+from gpsearch.run import Store
 from tests.chaos.actors import Cluster, Launcher
 from tests.chaos.share import seed_of
 from tests.chaos.tally import TALLY

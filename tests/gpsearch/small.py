@@ -15,7 +15,7 @@ import yaml
 from fitters.scenes import light_table
 from gpsearch.commands import main
 from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.front import Store
+from gpsearch.run import Store
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search, Standing
 from workers import Executor, Incident

@@ -5,16 +5,15 @@ import time
 import numpy as np
 import pytest
 
-from fitters import factors, power_iterations
-from fitters.baselines import formula_model
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import FitSettings, fit, fit_problem
+from fitters.fitting import FitSettings, fit, fit_problem
 from fitters.grid import CELLS, SHAPE, above_horizon
 from fitters.materials import load_material
-from fitters.models import MeasuredTable
+from fitters.models import MeasuredTable, factors, power_iterations
+from fitters.models.baselines import formula_model
 from fitters.scenes import LightTable
-from tests.fitters.power_iterations.closed_forms import Surface
+from tests.fitters.models.power_iterations.closed_forms import Surface
 
 GLOSSY, ROUGH = "builtin:glossy-plastic", "builtin:rough-plastic"
 ONE_SIDED = "p0 / pi + p1 * wi.z * pow(wh.z, p2)"

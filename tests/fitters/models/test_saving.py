@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fitters.baselines import KINDS
 from fitters.errors import FittersError
+from fitters.models.baselines import KINDS
 from fitters.models.saving import load, save
 from tests.fitters.models.conftest import FITS, GLOSSY
 from tests.fitters.models.sphere import random_directions

@@ -5,14 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from fitters.baselines import judge_at
 from fitters.expressions import parse
-from fitters.fits.problem import lit_source
+from fitters.fitting.problem import lit_source
 from fitters.grid import CELLS, cell_directions
+from fitters.judging.card import METRIC_NAMES, Judge
+from fitters.judging.image_metrics import IMAGE_METRICS
 from fitters.materials import load_material
 from fitters.models import FormulaModel, MeasuredTable
-from fitters.rendering import IMAGE_METRICS, image_map
-from fitters.rendering.card import METRIC_NAMES, Judge
+from fitters.models.baselines import judge_at
+from fitters.rendering import image_map
 from fitters.scenes import Scene, light_table
 
 SCENE = Scene(light="studio", resolution=32, light_rows=16)

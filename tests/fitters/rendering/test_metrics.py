@@ -9,8 +9,9 @@ import pytest
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from fitters.errors import FittersError
-from fitters.rendering import IMAGE_METRICS, Picture
-from fitters.rendering.colour_difference import delta_e_itp, ictcp, lab_difference
+from fitters.judging.colour_difference import delta_e_itp, ictcp, lab_difference
+from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.rendering import Picture
 from fitters.rendering.display import MIDDLE_GREY, displayed, exposure, srgb
 
 SIZE = 48

@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from fitters.expressions import parse
-from fitters.speed import coherent, incoherent
-from gpsearch.charts import measuring
+from fitters.judging.timing import coherent, incoherent
 from gpsearch.exports import front_json
-from gpsearch.front import Store
-from tests.gpsearch.charts.test_charts import traces
+from gpsearch.pictures.chart import measuring
+from gpsearch.run import Store
+from tests.gpsearch.pictures.chart.test_charts import traces
 from tests.gpsearch.small import gpsearch, run_search, small
 
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")

@@ -8,7 +8,7 @@ from xml.etree import ElementTree
 import pytest
 from matplotlib import image
 
-from gpsearch.front import Store
+from gpsearch.run import Store
 from tests.gpsearch.small import gpsearch, run_search, small
 
 

@@ -8,7 +8,7 @@ import jsonschema
 import pytest
 
 from gpsearch.exports import schema
-from gpsearch.front import Generation, Quarantined, Store
+from gpsearch.run import Generation, Quarantined, Store
 from tests.gpsearch.small import GPSEARCH, Watching, gpsearch, run_search, small, small_text, without_times
 
 COOK = "p0 / pi + p1 * pow(wh.z, p2)"

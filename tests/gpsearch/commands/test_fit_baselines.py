@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from fitters.baselines import KINDS, judge_anisotropic
 from fitters.materials import load_anisotropic, load_material
+from fitters.models.baselines import KINDS, judge_anisotropic
 from fitters.models.saving import load
-from tests.fitters.power_iterations.closed_forms import Surface, direction
+from tests.fitters.models.power_iterations.closed_forms import Surface, direction
 from tests.gpsearch.small import gpsearch
 
 CHANNELS = 3

@@ -6,8 +6,8 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from gpsearch.front import Store
 from gpsearch.judging import scenes
+from gpsearch.run import Store
 from tests.gpsearch.small import gpsearch, run_search, small
 
 

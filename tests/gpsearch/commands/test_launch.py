@@ -19,8 +19,8 @@ from fitters.materials import load_material
 from fitters.materials.merl import FILE_BYTES, HEADER, write_merl
 from fitters.scenes import geometries, sampled
 from gpsearch.exports import schema
-from gpsearch.front import Store
-from gpsearch.front.lock import holder
+from gpsearch.run import Store
+from gpsearch.run.lock import holder
 from tests.gpsearch.small import (
     GPSEARCH,
     PATIENCE_SECONDS,

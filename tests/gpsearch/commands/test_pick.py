@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import yaml
 
-from fitters.baselines import judge_at
 from fitters.expressions import parse
-from fitters.factors import BivariateTable
-from fitters.fits.problem import lit_source
+from fitters.fitting.problem import lit_source
+from fitters.judging.card import HIGHER_IS_BETTER, METRIC_NAMES, Judge
 from fitters.materials.synthetic import load
 from fitters.models import FormulaModel
-from fitters.rendering.card import HIGHER_IS_BETTER, METRIC_NAMES, Judge
+from fitters.models.baselines import judge_at
+from fitters.models.factors import BivariateTable
 from fitters.scenes import Scene, light_table
 from gpsearch.judging.offers import View
 from gpsearch.judging.scenes import NamedScene

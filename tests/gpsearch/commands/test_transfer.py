@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fitters.baselines import kept_baseline
 from fitters.expressions import parse
+from fitters.judging.card import Judge
 from fitters.materials import load_material
 from fitters.materials.merl import write_merl
 from fitters.models import FormulaModel
-from fitters.rendering.card import Judge
+from fitters.models.baselines import kept_baseline
 from gpsearch.exports import front_json
-from gpsearch.front import Store
 from gpsearch.judging import scenes
 from gpsearch.judging.scenes import scene_of
+from gpsearch.run import Store
 from tests.gpsearch.small import gpsearch, run_search, small, small_text
 
 TRAIN, TEST = ["glossy-plastic", "rough-plastic"], ["fabric"]

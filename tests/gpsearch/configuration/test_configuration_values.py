@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 from pydantic import ValidationError
 
-from fitters.baselines import TABULATED
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import FitSettings
+from fitters.fitting import FitSettings
+from fitters.models.baselines import TABULATED
 from fitters.scenes import Scene
 from gpsearch.configuration import DaskExecutor, LocalExecutor, load_configuration, parse_configuration
 from gpsearch.errors import GpsearchError

@@ -16,8 +16,8 @@ from fitters.scenes import Scene, light_table
 from gpsearch import __version__
 from gpsearch.exports import front_json, schema
 from gpsearch.exports.front_json import to_text
-from gpsearch.front import Store
 from gpsearch.genomes import Genome, reify
+from gpsearch.run import Store
 from tests.gpsearch.small import Watching, run_search, small
 
 MATERIALS = ["builtin:metal", "builtin:fabric"]

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from fitters.baselines import Judged
-from fitters.fits import METRICS
+from fitters.fitting import METRICS
+from fitters.models.baselines import Judged
 from gpsearch.exports.transfers import transfer_entry
-from gpsearch.front import Transfer
+from gpsearch.run import Transfer
 
 GOOD = Transfer((0.1, 0.2, 0.3), dict.fromkeys(METRICS, 0.2), {"p0": (1.0, 2.0, 3.0)}, ("fabric: dark",))
 BAD = Transfer((0.1, math.inf, 0.3), dict.fromkeys(METRICS, math.inf), {"p0": (1.0, 1.0, 1.0)})

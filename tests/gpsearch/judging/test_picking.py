@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitters.sharing import Sharing
+from fitters.fitting.sharing import Sharing
 from gpsearch.judging import Contender
 from gpsearch.judging.offers import Offer
 from gpsearch.judging.picking import pick

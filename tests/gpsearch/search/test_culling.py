@@ -12,8 +12,8 @@ import pytest
 from fitters.expressions import parse
 from gpsearch.configuration import Configuration
 from gpsearch.exports import front_json, schema
-from gpsearch.front import Store
 from gpsearch.genomes import Genome, reify
+from gpsearch.run import Store
 from gpsearch.search.references import unfinished
 from tests.gpsearch.small import Watching, gpsearch, run_search, small, without_times
 from workers import Done, Failure

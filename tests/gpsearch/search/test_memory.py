@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
-from fitters.fits import Fit
-from gpsearch.front import Known
+from fitters.fitting import Fit
+from gpsearch.run import Known
 from gpsearch.search.memory import Memory, Shared
 
 ISLAND = 3

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from fitters.expressions import parse
-from fitters.fits import Candidate, Fit, FitProblem, screen
+from fitters.fitting import Candidate, Fit, FitProblem, screen
 from gpsearch.exports import front_json
-from gpsearch.front import Known, Store
+from gpsearch.run import Known, Store
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
 from tests.gpsearch.small import Watching, run_search, small, without_times

@@ -15,9 +15,9 @@ from fitters.expressions.canonical import canonical
 from fitters.expressions.catalogue import CATALOGUE
 from gpsearch.errors import GpsearchError
 from gpsearch.exports import front_json
-from gpsearch.front import Store
-from gpsearch.front.front import SAME
 from gpsearch.genomes import reify
+from gpsearch.run import Store
+from gpsearch.run.front import SAME
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search
 from tests.gpsearch.small import Watching, run_search, small, without_times

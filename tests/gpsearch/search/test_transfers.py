@@ -9,17 +9,17 @@ import jsonschema
 import numpy as np
 import pytest
 
-from fitters.baselines import judge_at, kept_baseline
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fits import METRICS, build_problem, transfer
-from fitters.fits.problem import lit_source
+from fitters.fitting import METRICS, build_problem, transfer
+from fitters.fitting.problem import lit_source
 from fitters.materials import load_material
 from fitters.models import FormulaModel
+from fitters.models.baselines import judge_at, kept_baseline
 from fitters.scenes import Scene, light_table
 from gpsearch.configuration import Configuration
 from gpsearch.exports import front_json, schema
-from gpsearch.front import Store
+from gpsearch.run import Store
 from gpsearch.search.plan import plan, problem_recipe
 from gpsearch.search.transfers import formula_jobs, transfer_lanes
 from tests.gpsearch.small import Watching, gpsearch, run_search, small, small_text, without_times

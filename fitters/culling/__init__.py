@@ -1,6 +1,0 @@
-"""Culling: what a fitted formula can do without, at a stated price in error."""
-
-from fitters.culling.culling import Culled, CullJob, cull
-from fitters.culling.greedy import Step
-
-__all__ = ["CullJob", "Culled", "Step", "cull"]

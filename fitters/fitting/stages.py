@@ -1,0 +1,138 @@
+"""What a worker does with candidates: pure functions of a fit problem and a small payload.
+
+A search screens thousands of candidates on a small sample of cells, confirms on all cells those that could enter
+the front, and at last describes the members of the front in full.
+"""
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+from fitters.engine.cost import cost_ns
+from fitters.expressions import parse
+from fitters.fitting.exact import exact_errors
+from fitters.fitting.fit import Bounds, Columns, Fit, FitSettings, fit, refit
+from fitters.fitting.polish import polish
+from fitters.fitting.problem import FitProblem
+from fitters.fitting.warnings import warnings_of
+from fitters.judging.checks import Checks, check
+from fitters.judging.metrics import METRICS
+
+PROBE_EVALUATIONS = 10
+"""Per searched parameter, of the descent that decides whether a candidate is fitted thoroughly."""
+
+
+@dataclass(frozen=True)
+class FitJob:
+    """Expressions to fit, in text form, all with the same bounds (name, low, high) and settings."""
+
+    expressions: tuple[str, ...]
+    bounds: tuple[tuple[str, float, float], ...]
+    settings: FitSettings
+
+    @property
+    def intervals(self) -> Bounds:
+        return {name: (low, high) for name, low, high in self.bounds}
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An expression to screen: a fit that will not come near `bar` is given up; `near` is a warm start."""
+
+    expression: str
+    bar: float = math.inf
+    near: Columns | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class ConfirmJob:
+    """A job of one expression to fit on all cells, its parameters if it was screened, and what it must beat.
+
+    What clearly does not reach `bar`, an error on all cells, is not fitted thoroughly.
+    """
+
+    job: FitJob
+    near: Columns | None = None
+    bar: float = math.inf
+
+
+@dataclass(frozen=True)
+class DescriptionJob:
+    """A confirmed fit to describe, and the job, of this one expression, that found it."""
+
+    job: FitJob
+    fit: Fit
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A fit on all cells, or on the fine sample where that has shown that it does not reach its bar."""
+
+    fit: Fit
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Description:
+    """All that is reported of a front member or baseline. `metrics` holds its error by every metric.
+
+    `warnings` are sentences that say where the fit is not to be relied on, see `fitters.fitting.warnings`.
+    """
+
+    fit: Fit
+    metrics: dict[str, float]
+    checks: Checks
+    cost_ns: float
+    warnings: tuple[str, ...] = ()
+
+
+def screen(
+    problem: FitProblem,
+    candidate: Candidate,
+    *,
+    bounds: tuple[tuple[str, float, float], ...],
+    settings: FitSettings,
+) -> Fit:
+    """The fit of a candidate on the small sample, its parameters within bounds (name, low, high)."""
+    return fit(
+        parse(candidate.expression),
+        problem.sample,
+        problem.metric,
+        {name: (low, high) for name, low, high in bounds},
+        settings,
+        near=candidate.near,
+        bar=candidate.bar,
+    )
+
+
+def confirm(problem: FitProblem, task: ConfirmJob) -> Confirmed:
+    """The fit of an expression that may be kept: thoroughly on the fine sample, judged on all cells.
+
+    First a short descent on the fine sample tells whether that is worth the work.
+    """
+    started = time.perf_counter()
+    bounds, settings, metric = task.job.intervals, task.job.settings, problem.metric
+    expression = parse(task.job.expressions[0])
+    near = task.near or fit(expression, problem.sample, metric, bounds, settings).columns
+    found = refit(expression, problem.fine, metric, bounds, near, settings, evaluations=PROBE_EVALUATIONS)
+    if found.error - found.standard_error <= task.bar:
+        found = fit(expression, problem.fine, metric, bounds, settings.thorough(), near=found.columns)
+        found = refit(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
+    return Confirmed(found, time.perf_counter() - started)
+
+
+def describe(problem: FitProblem, task: DescriptionJob) -> Description:
+    """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
+    job = task.job
+    expression = parse(job.expressions[0])
+    found = polish(expression, problem.full, problem.metric, job.intervals, task.fit)
+    exact = exact_errors(expression, problem, found)
+    errors = exact.by_metric[problem.metric.name]
+    found = replace(found, errors=errors, error=problem.metric.combine(errors))
+    return Description(
+        fit=found,
+        metrics={name: METRICS[name].combine(values) for name, values in exact.by_metric.items()},
+        checks=check(expression, found, exact.minimum),
+        cost_ns=cost_ns(expression),
+        warnings=warnings_of(expression, problem, job.intervals, job.settings, found),
+    )

@@ -1,0 +1,91 @@
+"""The front: confirmed candidates that no other beats in error and size at once."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from fitters.fitting import Fit
+from gpsearch.genomes import Genome
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A confirmed candidate. `screened` is its error on the small sample, with which new ones are compared."""
+
+    expression: str
+    nodes: int
+    genome: Genome
+    island: int
+    generation: int
+    fit: Fit
+    screened: float
+
+    @property
+    def error(self) -> float:
+        return self.fit.error
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """What is known of a candidate before it is confirmed: its error on the small sample."""
+
+    expression: str
+    nodes: int
+    error: float
+    standard_error: float = 0.0
+
+
+def _order(member: Member) -> tuple[int, float, str, int, int]:
+    return (member.nodes, member.error, member.expression, member.generation, member.island)
+
+
+SAME = 1e-4
+"""Relative difference up to which two errors on one sample count as one."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """Members by rising size, their errors strictly falling."""
+
+    members: tuple[Member, ...] = ()
+
+    def updated(self, candidates: Iterable[Member]) -> "Front":
+        """The front of the members and the candidates together, the same in whatever order they come.
+
+        Of equals in both the first by text stays, and of the same expression the oldest.
+        """
+        kept: list[Member] = []
+        for member in sorted((*self.members, *candidates), key=_order):
+            if member.error < (kept[-1].error if kept else float("inf")):
+                kept.append(member)
+        return Front(tuple(kept))
+
+    def error(self, nodes: int) -> float:
+        """What an expression of this size must stay below to enter."""
+        return min((m.error for m in self.members if m.nodes <= nodes), default=float("inf"))
+
+    def bar(self, nodes: int) -> float:
+        """What an expression of this size must stay below on the small sample to be worth a confirmation.
+
+        The worse of the two errors of each member: a sample flatters some of them, and a flattered member must
+        not shut the door.
+        """
+        return min((max(m.screened, m.error) for m in self.members if m.nodes <= nodes), default=float("inf"))
+
+    def worth_confirming(self, screened: Iterable[Screened]) -> list[str]:
+        """The expressions that could enter the front: those within a standard error of doing so.
+
+        What has the error of something smaller to some digits, on the same sample, is the same function written
+        at greater length, and is passed over.
+        """
+        chosen: list[str] = []
+        best = float("inf")
+        known = [(member.nodes, member.screened) for member in self.members]
+        for one in sorted(screened, key=lambda s: (s.nodes, s.error, s.expression)):
+            smaller = [error for nodes, error in known if nodes <= one.nodes]
+            repeats = any(abs(error - one.error) <= SAME * one.error for error in smaller)
+            bar = min(self.bar(one.nodes), best)
+            if one.error - one.standard_error < bar and not repeats:
+                chosen.append(one.expression)
+                known.append((one.nodes, one.error))
+                best = min(best, one.error)
+        return chosen

@@ -1,5 +1,0 @@
-"""The small problems of the fits' tests."""
-
-from tests.fitters.fits.conftest import light, make_material
-
-__all__ = ["light", "make_material"]
