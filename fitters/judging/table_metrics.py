@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.errors import FittersError
-from fitters.fitting.problem import CHANNELS, lit_source, weighted_target
-from fitters.grid import SHAPE, Array, cell_directions
+from fitters.fitting.problem import Problem, weighted_target
+from fitters.grid import CHANNELS, SHAPE, Array, cell_directions
 from fitters.judging.metrics import METRICS, length
 from fitters.materials import Material
 from fitters.scenes import LightTable
@@ -79,7 +79,7 @@ def table_errors(material: Material, light: LightTable, values: Array) -> dict[s
 
 
 def _light_error(material: Material, light: LightTable, values: Array) -> PerChannel:
-    source = lit_source([material], light)
+    source = Problem([material], light)
     channels = []
     for c in range(len(CHANNELS)):
         weights, targets = weighted_target(source, METRICS["light"], c)

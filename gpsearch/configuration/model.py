@@ -10,9 +10,8 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
 from fitters.expressions import Expression
-from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import METRICS
-from fitters.models.baselines import TABULATED
+from fitters.models import BASELINES
 from gpsearch.configuration.comparison import FINDS_THE_SAME, Difference, differences
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.references import (
@@ -32,7 +31,6 @@ from gpsearch.configuration.sections import (
 )
 from gpsearch.configuration.wording import listed
 
-BASELINES = (*CATALOGUE, *TABULATED)
 DEFAULT_BASELINES = (
     "cook-torrance",
     "ggx",
