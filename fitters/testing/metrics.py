@@ -120,21 +120,30 @@ def value_of(metric: Metric, factor: Array | float, *, exchanged: bool = False, 
     truth, light, image = _material(), _light(), _picture()
     of_cells = np.broadcast_to(np.asarray(factor, np.float64), (CELLS,))
     values = truth.table * of_cells.reshape(SHAPE)
-    pixels = image.pixels * of_cells[: SIZE * SIZE].reshape(SIZE, SIZE, 1)
-    model = _made(np.where(truth.valid, values, np.nan))
-    picture = Picture(pixels, image.foreground)
+    picture = Picture(image.pixels * of_cells[: SIZE * SIZE].reshape(SIZE, SIZE, 1), image.foreground)
     if black:
-        truth = _made(np.where(truth.valid, 0.0, np.full_like(truth.table, np.nan)))
-        image = Picture(0 * image.pixels, image.foreground)
+        truth, image = _black_material(), Picture(0 * image.pixels, image.foreground)
     elif exchanged:
+        model = _made(np.where(truth.valid, values, np.nan))
         values, truth = truth.table.astype(np.float64), model
         picture, image = image, picture
     return metric.measure(Compared(truth, light, values, image, picture)).value
 
 
 def _noise(amount: float) -> Array:
-    """Positive factors (`CELLS`,) about 1, the same normal deviates for every amount."""
-    return np.maximum(1 + amount * np.random.default_rng(7).standard_normal(CELLS), 0.05)
+    """Positive factors (`CELLS`,) about 1."""
+    return np.maximum(1 + amount * _deviates(), 0.05)
+
+
+@functools.cache
+def _deviates() -> Array:
+    return np.random.default_rng(7).standard_normal(CELLS)
+
+
+@functools.cache
+def _black_material() -> Material:
+    """The material with all measured values 0."""
+    return _made(np.where(_material().valid, 0.0, np.full((3, *SHAPE), np.nan)))
 
 
 def _made(table: Array) -> Material:
@@ -157,7 +166,7 @@ def _light() -> LightTable:
     table = 10 ** random.uniform(-3, 0, (3, CELLS))
     table[:, (random.random(CELLS) < 0.5) | ~above_horizon().ravel()] = 0.0
     shaped = table.astype(np.float32).reshape(3, *SHAPE)
-    return LightTable(shaped, (shaped > 0).any(axis=0), "0" * 32)
+    return LightTable(shaped, np.any(shaped > 0, axis=0), "0" * 32)
 
 
 @functools.cache
