@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features, parameter_free
 from fitters.fitting.fit import Fit
-from fitters.fitting.problem import COSINE, Problem, weighted_target
+from fitters.fitting.problem import Problem, weighted_target
 from fitters.grid import CHANNELS, Array, cell_directions
-from fitters.judging.metrics import METRICS, Metric, length
+from fitters.judging.metrics import COSINE, RESIDUALS, Residual, length
 from fitters.materials.utia import sample_directions
 
 PerChannel = tuple[float, float, float]
@@ -33,13 +33,13 @@ class ExactErrors:
 
 def exact_errors(expression: Expression, problem: Problem, found: Fit) -> ExactErrors:
     """The errors of a fit over all cells of a problem, by every metric, evaluated in float64 with NumPy."""
-    errors = {name: np.empty(len(problem.targets)) for name in METRICS}
+    errors = {name: np.empty(len(problem.targets)) for name in RESIDUALS}
     minimum = np.inf
     for first in range(0, len(problem.targets), len(CHANNELS)):
         of_material = range(first, first + len(CHANNELS))
         for target, values in zip(of_material, _values(expression, problem, found, of_material), strict=True):
             minimum = min(minimum, float(values.min()))
-            for name, metric in METRICS.items():
+            for name, metric in RESIDUALS.items():
                 weights, targets = _rows(problem, metric, target)
                 with np.errstate(all="ignore"):
                     error = length(weights * values - targets)
@@ -60,7 +60,7 @@ def _values(expression: Expression, problem: Problem, found: Fit, targets: Seque
     return values
 
 
-def _rows(problem: Problem, metric: Metric, target: int) -> tuple[Array, Array]:
+def _rows(problem: Problem, metric: Residual, target: int) -> tuple[Array, Array]:
     """Weights and weighted values (n,) of a target; what the problem does not hold is made for the moment."""
     if metric is problem.metric:
         return problem.full.weights[target], problem.full.targets[target]
@@ -80,7 +80,7 @@ def model_errors(problem: Problem, material: int, model: Evaluated) -> dict[str,
     w_i, w_o = cell_directions()
     values = model.evaluate(w_i[problem.index], w_o[problem.index])
     errors = {}
-    for name, metric in METRICS.items():
+    for name, metric in RESIDUALS.items():
         channels = []
         for c in range(len(CHANNELS)):
             weights, targets = weighted_target(problem, metric, len(CHANNELS) * material + c)

@@ -18,7 +18,7 @@ from fitters.expressions import Expression, to_text
 from fitters.fitting.cells import Cells
 from fitters.fitting.settings import Bounds, FitSettings
 from fitters.grid import Array
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 
 Columns = Mapping[str, NDArray]
 """Parameters over all targets, each (targets,)."""
@@ -72,7 +72,7 @@ class Fit:
 def fit(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     settings: FitSettings | None = None,
     near: Columns | None = None,
@@ -104,7 +104,7 @@ def fit(
 def refit(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     near: Columns,
     settings: FitSettings,
@@ -134,7 +134,7 @@ def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
     return Prepared(expression, cells.features, cells.weights, cells.targets, bounds, coarse, cells.units)
 
 
-def _stated(problem: Prepared, metric: Metric, found: Optima) -> Fit:
+def _stated(problem: Prepared, metric: Residual, found: Optima) -> Fit:
     """Optima in the expression's own parameters."""
     parameters = problem.parameters(found)
     values = np.stack(list(parameters.values()), axis=1) if parameters else np.empty((len(found.value), 0))

@@ -18,7 +18,7 @@ from fitters.expressions.evaluation import features
 from fitters.fitting.cells import Cells, sample
 from fitters.fitting.settings import CELLS, CONFIRM_CELLS
 from fitters.grid import CHANNELS, Array, cell_directions
-from fitters.judging.metrics import METRICS, Metric
+from fitters.judging.metrics import COSINE, RESIDUALS, Residual
 from fitters.materials import AnisotropicMaterial, Material, is_anisotropic, load_anisotropic, load_material
 from fitters.scenes import LightTable, Scene, light_table
 
@@ -31,9 +31,6 @@ Measurement = Material | AnisotropicMaterial
 STUDIO = Scene()
 """A sphere under the built-in light `studio`."""
 
-COSINE = Metric("cosine", lambda cosines, measured: cosines, normalised=True)
-"""What anisotropic measurements are judged by, over their own samples."""
-
 
 class Problem:
     """Materials under a scene, by a metric: what a model is fitted to.
@@ -42,7 +39,7 @@ class Problem:
 
     materials:     loaded ones, or what names them: `"steel.binary"`, `"builtin:metal"`; their names differ
     scene:         a `Scene`, or the light table of one
-    metric:        the name of one of `METRICS`
+    metric:        the name of one of `RESIDUALS`
     cells:         that the small sample is drawn from all lit ones with, and `confirm_cells` the large one
     seed:          of both samples
     base:          the folder that relative paths count from, by default the working directory
@@ -66,8 +63,8 @@ class Problem:
         seed: int = 0,
         base: Path | None = None,
     ) -> None:
-        if metric not in METRICS:
-            raise FittersError(f"no metric {metric!r}: there are {', '.join(METRICS)}")
+        if metric not in RESIDUALS:
+            raise FittersError(f"no metric {metric!r}: there are {', '.join(RESIDUALS)}")
         self.scene = scene
         self._given, self._metric, self._base = tuple(materials), metric, base
         self._cells, self._confirm_cells, self._seed = cells, confirm_cells, seed
@@ -115,13 +112,13 @@ class Problem:
         return tuple((material, channel) for material in self.names for channel in CHANNELS)
 
     @property
-    def metric(self) -> Metric:
-        return COSINE if self.anisotropic else METRICS[self._metric]
+    def metric(self) -> Residual:
+        return COSINE if self.anisotropic else RESIDUALS[self._metric]
 
     @property
-    def metrics(self) -> dict[str, Metric]:
+    def metrics(self) -> dict[str, Residual]:
         """All that models can be judged by on this problem."""
-        return {COSINE.name: COSINE} if self.anisotropic else dict(METRICS)
+        return {COSINE.name: COSINE} if self.anisotropic else dict(RESIDUALS)
 
     @property
     def scene_name(self) -> str:
@@ -241,7 +238,7 @@ def _loaded(
     return load_anisotropic(given, base=base) if is_anisotropic(given) else load_material(given, base=base)
 
 
-def full_cells(problem: Problem, metric: Metric) -> Cells:
+def full_cells(problem: Problem, metric: Residual) -> Cells:
     """All cells of a problem, weighted for a metric."""
     count = len(problem.targets)
     weights = np.empty((count, len(problem.index)), np.float32)
@@ -266,15 +263,13 @@ def _units(problem: Problem) -> Array | None:
     return None if np.all(units == 1.0) else units
 
 
-def weighted_target(problem: Problem, metric: Metric, target: int) -> tuple[Array, Array]:
+def weighted_target(problem: Problem, metric: Residual, target: int) -> tuple[Array, Array]:
     """Weights (n,) of one target over all cells, 0 where it is not valid, and weights times measured values."""
     material, channel = problem.materials[target // len(CHANNELS)], target % len(CHANNELS)
     valid = material.valid.ravel()[problem.index]
     at = problem.index[valid]
     light = problem.light.table[channel].ravel()[at].astype(np.float64)
     measured = material.table[channel].ravel()[at].astype(np.float64)
-    w = metric.weights(light, measured)
-    w = w / metric.scale(w, measured)
     weights, targets = np.zeros(len(problem.index)), np.zeros(len(problem.index))
-    weights[valid], targets[valid] = w, w * measured
+    weights[valid], targets[valid] = metric.weighted(light, measured)
     return weights, targets

@@ -17,7 +17,7 @@ from fitters.fitting.problem import Problem
 from fitters.fitting.settings import Bounds, FitSettings
 from fitters.fitting.warnings import warnings_of
 from fitters.judging.checks import Checks, check
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import RESIDUALS
 
 PROBE_EVALUATIONS = 10
 """Per searched parameter, of the descent that decides whether a candidate is fitted thoroughly."""
@@ -132,7 +132,7 @@ def describe(problem: Problem, task: DescriptionJob) -> Description:
     found = replace(found, errors=errors, error=problem.metric.combine(errors))
     return Description(
         fit=found,
-        metrics={name: METRICS[name].combine(values) for name, values in exact.by_metric.items()},
+        metrics={name: RESIDUALS[name].combine(values) for name, values in exact.by_metric.items()},
         checks=check(expression, found, exact.minimum),
         cost_ns=cost_ns(expression),
         warnings=warnings_of(expression, problem, job.intervals, job.settings, found),

@@ -23,7 +23,7 @@ from fitters.fitting.exact import model_errors
 from fitters.fitting.problem import Measurement, Problem
 from fitters.fitting.settings import FitSettings
 from fitters.fitting.stages import Description
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import RESIDUALS
 from fitters.materials import Material
 from fitters.materials.synthetic import matte
 from fitters.models.fitted import Fitted, MaterialFit, PerChannel, arrays_of, model_of
@@ -82,7 +82,7 @@ class TabulatedBaseline:
     @property
     def metrics(self) -> dict[str, float]:
         """The error over all targets by every metric."""
-        return {name: METRICS[name].combine(np.array(errors)) for name, errors in self.errors.items()}
+        return {name: RESIDUALS[name].combine(np.array(errors)) for name, errors in self.errors.items()}
 
 
 Baseline = FormulaBaseline | TabulatedBaseline
@@ -252,7 +252,7 @@ class MaterialFitter(Fitter):
             fit = self.kept(measured)
         except FittersError as error:
             # Data, not an exception: what one material lacks must not end a run over many.
-            infinite = dict.fromkeys(METRICS, (math.inf, math.inf, math.inf))
+            infinite = dict.fromkeys(RESIDUALS, (math.inf, math.inf, math.inf))
             seconds = time.perf_counter() - began
             return FitSummary(infinite, 0, seconds, 0.0, (_about(measured.name, str(error)),))
         model = fit.model

@@ -195,4 +195,4 @@ def published(name: str) -> FormulaFitter:
     return FormulaFitter(name, entry.expression, intervals(entry.bounds))
 
 
-FITTERS = tuple(map(published, CATALOGUE))
+FITTERS: tuple[Fitter, ...] = tuple(map(published, CATALOGUE))

@@ -7,7 +7,7 @@ from fitters.grid import CELLS, SHAPE, Array, cell_index, half_diff
 from fitters.materials import Material
 from fitters.models.directions import both_above, rows
 from fitters.models.fitted import MaterialFit
-from fitters.models.fitter import Family, MaterialFitter
+from fitters.models.fitter import Family, Fitter, MaterialFitter
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
 from fitters.models.scalar import ScalarCode, of_one_table
@@ -60,7 +60,7 @@ def _fit(material: Material) -> MaterialFit:
     return MaterialFit(MeasuredTable(material.table))
 
 
-FITTERS = (
+FITTERS: tuple[Fitter, ...] = (
     MaterialFitter(
         name="measured",
         family=Family("measured", "the measurement itself", "#555555"),

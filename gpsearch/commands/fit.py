@@ -8,7 +8,7 @@ import click
 from click.core import ParameterSource
 
 from fitters.expressions import to_text
-from fitters.fitting import METRICS, Problem
+from fitters.fitting import RESIDUALS, Problem
 from fitters.grid import CHANNELS
 from fitters.materials import is_anisotropic
 from fitters.models import MODELS, Fitted, fitter_of
@@ -44,7 +44,7 @@ Arrays of a saved file, red green blue last, f in sr^-1:
 @click.argument("model")
 @click.argument("materials", nargs=-1, required=True)
 @click.option("--light", default="studio", show_default=True, help="studio, overcast, or a .hdr or .exr map.")
-@click.option("--metric", type=click.Choice(list(METRICS)), default="light", show_default=True)
+@click.option("--metric", type=click.Choice(list(RESIDUALS)), default="light", show_default=True)
 @click.option(
     "--solver",
     type=click.Choice(SOLVERS),

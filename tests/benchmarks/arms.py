@@ -21,7 +21,7 @@ from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, re
 from fitters.fitting.cells import Cells
 from fitters.fitting.fit import _prepared, _starts, _stated
 from fitters.fitting.settings import Bounds
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 from gpsearch.search import course
 from gpsearch.search.memory import Memory
 
@@ -75,7 +75,7 @@ def confirm_as_screened(fit_problem: Problem, task: ConfirmJob) -> Confirmed:
 def fit_as_the_paper(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     settings: FitSettings | None = None,
     near: object = None,

@@ -19,7 +19,7 @@ from fitters.errors import FittersError
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import formula
 from fitters.fitting import ConfirmJob, FitJob, FitSettings, Problem, confirm, model_errors
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.metrics import IMAGE_METRICS
 from fitters.materials import Material, load_material
 from fitters.models import BASELINES, FormulaModel, Model, fitter_of, material_fitter
 from fitters.models.factors.objective import objective

@@ -15,7 +15,7 @@ from fitters.models.factors.fitting import (
 )
 from fitters.models.factors.tables import BivariateTable, MicrofacetFactors, NaiveFactors, SmithFactors
 from fitters.models.fitted import MaterialFit
-from fitters.models.fitter import Family, MaterialFitter
+from fitters.models.fitter import Family, Fitter, MaterialFitter
 from fitters.models.model import Model
 
 SOLVERS = ("joint", "awls")
@@ -69,7 +69,7 @@ def _material_fit(fit: FactorFit, solver: str | None = None) -> MaterialFit:
     return MaterialFit(fit.model, fit.warnings, details, (r, g, b), notes)
 
 
-FITTERS = (
+FITTERS: tuple[Fitter, ...] = (
     MaterialFitter(
         name=BivariateTable.kind,
         family=_TABLE,

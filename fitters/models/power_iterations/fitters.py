@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from fitters.models.fitted import MaterialFit
-from fitters.models.fitter import Family, MaterialFitter
+from fitters.models.fitter import Family, Fitter, MaterialFitter
 from fitters.models.power_iterations.anisotropic_model import AnisotropicMicrofacet
 from fitters.models.power_iterations.extraction import Extraction, extract, extract_anisotropic
 from fitters.models.power_iterations.model import TabulatedMicrofacet
@@ -32,7 +32,7 @@ def _numbers(value: float | Sequence[float]) -> str:
     return f"{value:.4f}" if isinstance(value, float) else "  ".join(f"{part:.4f}" for part in value)
 
 
-FITTERS = (
+FITTERS: tuple[Fitter, ...] = (
     MaterialFitter(
         name=TabulatedMicrofacet.kind,
         family=_FAMILY,

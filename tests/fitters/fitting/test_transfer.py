@@ -53,7 +53,7 @@ def test_it_is_fitted_once_and_comes_back_to_the_last_bit(problem, monkeypatch):
     def fitted_again(*anything):
         raise AssertionError("fitted again")
 
-    monkeypatch.setattr(MODULE, "confirm", fitted_again)
+    monkeypatch.setattr(MODULE, "fit_formula", fitted_again)
     second = transfer(problem, job("p0 + p1 * wh.z"))
     assert second.fit.values.tobytes() == first.fit.values.tobytes()
     assert second.fit.errors.tobytes() == first.fit.errors.tobytes()
@@ -71,7 +71,7 @@ def test_whatever_else_is_asked_is_fitted(problem, make_material, light, monkeyp
         fitted.append(task)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(MODULE, "confirm", counted)
+    monkeypatch.setattr(MODULE, "fit_formula", counted)
     if what == "code":
         monkeypatch.setattr(MODULE, "_code", lambda: "mended")
     material = make_material("shiny", ggx(p1=0.7), ggx(), ggx()) if what == "material" else None

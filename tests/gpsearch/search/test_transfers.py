@@ -11,7 +11,7 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import METRICS, model_errors, transfer
+from fitters.fitting import RESIDUALS, model_errors, transfer
 from fitters.fitting.problem import Problem
 from fitters.materials import load_material
 from fitters.models import MODELS, FormulaModel
@@ -109,7 +109,7 @@ def test_what_is_stated_of_test_materials_is_what_their_parameters_give(folder):
             squares += [error**2 for error in errors]
         assert test["error"] == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-6)
         assert test["metrics"]["light"] == test["error"]
-        assert test["metrics"].keys() == METRICS.keys()
+        assert test["metrics"].keys() == RESIDUALS.keys()
 
 
 def test_errors_over_materials_combine_as_those_of_targets_do(folder):
@@ -133,7 +133,7 @@ def test_the_refit_to_a_training_material_has_the_error_of_the_training(folder):
         for name in TRAINING:
             problem = problem_recipe(configured(folder)).of(f"builtin:{name}").build()
             again = transfer(problem, jobs[entry["expression"]])
-            known = METRICS["light"].combine(np.array(entry["errors"][name]))
+            known = RESIDUALS["light"].combine(np.array(entry["errors"][name]))
             assert again.fit.error == pytest.approx(known, rel=0.02)
     store.close()
 
