@@ -28,6 +28,9 @@ from numba.core.serialize import dumps
 
 from fitters import cache
 
+SHARED = tuple(Path(__file__).parent / "backends" / name for name in ("machine.py", "math32.py"))
+"""Files whose functions are compiled into those of other folders."""
+
 
 def entry(**options: Any) -> Callable[[Callable], Any]:
     """`numba.njit(**options)`, kept on disk."""
@@ -54,11 +57,11 @@ def c_function(signature: Any, **options: Any) -> Callable[[Callable], CFunc]:
 
 @functools.cache
 def folder(sources: Path) -> Path:
-    """Where the code compiled from the files in `sources` is kept: named after the content of them all.
+    """Where the code compiled from the files in `sources` is kept: named after the content of them and of `SHARED`.
 
     A function's own file would not do, since functions of others are compiled into it.
     """
-    contents = [path.read_bytes() for path in sorted(sources.glob("*.py"))]
+    contents = [path.read_bytes() for path in (*sorted(sources.glob("*.py")), *SHARED)]
     return cache.folder() / f"compiled-{cache.digest(*contents)}"
 
 
