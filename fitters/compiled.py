@@ -28,8 +28,11 @@ from numba.core.serialize import dumps
 
 from fitters import cache
 
-SHARED = tuple(Path(__file__).parent / "backends" / name for name in ("machine.py", "math32.py"))
-"""Files whose functions are compiled into those of other folders."""
+SHARED = tuple(
+    Path(__file__).parent / name
+    for name in ("backends/machine.py", "backends/math32.py", "expressions/operators.py")
+)
+"""Files whose functions, or facts, are compiled into code of other folders."""
 
 
 def entry(**options: Any) -> Callable[[Callable], Any]:
@@ -57,7 +60,7 @@ def c_function(signature: Any, **options: Any) -> Callable[[Callable], CFunc]:
 
 @functools.cache
 def folder(sources: Path) -> Path:
-    """Where the code compiled from the files in `sources` is kept: named after the content of them and of `SHARED`.
+    """Where the code compiled from the files in `sources` is kept: named after their content and that of `SHARED`.
 
     A function's own file would not do, since functions of others are compiled into it.
     """

@@ -10,5 +10,6 @@
 | LaTeX | `latex` | a formula to be read |
 
 To add one, write a module with a `Walk` over the lowered form. It takes what an operator is called from the table
-of operators, or from a table of its own that `operators.check_complete` checks; `fitters.testing.backends` tests it.
+of operators, or from a table of its own that `operators.check_complete` checks. `fitters.testing.backends` has the
+tests that it must pass.
 """

@@ -1,8 +1,8 @@
 """The grammar of BRDF expressions, Figure 4 of the genBRDF paper: which symbols there are and what they take.
 
 A symbol is a short name. Operators are those of `operators.py` and `dot`; leaves are vectors `wi`, components
-`wh.z`, parameters `p0` and constants. Figure 4 draws from the constants 1, 2, pi and 4; published formulas need others (the 5 of
-Schlick's Fresnel term), so any finite non-negative decimal literal is a constant of the language.
+`wh.z`, parameters `p0` and constants. Figure 4 draws from the constants 1, 2, pi and 4; published formulas need
+others (the 5 of Schlick's Fresnel term), so any finite non-negative decimal literal is a constant of the language.
 """
 
 import math

@@ -162,8 +162,8 @@ def lowered(expression: Expression) -> tuple[Lowered, int]:
 class Walk(Generic[T]):
     """The nodes under some roots in the order in which they are computed; every backend is a walk.
 
-    given: nodes whose values the caller has; what only they need is not computed. A value is dropped after the last
-    node that reads it.
+    given: nodes whose values the caller has; what only they need is not computed. A value is dropped after the
+    last node that reads it.
     """
 
     def __init__(self, form: Lowered, roots: Iterable[int], given: Collection[int] = ()) -> None:

@@ -1,8 +1,8 @@
 """The one table of operators: what each means, what is known of it, and how the backends say it.
 
 To add an operator, add its entry here and its row in the table of the register machine (`backends/machine.py`),
-whose loops are compiled. The grammar, the text form, the canonical form, simplification, the lowered form and every
-other backend read this table. A backend that has no way to say an operator raises `FittersError` with both names.
+whose loops are compiled. The grammar, the text form, the canonical form, simplification, the lowered form and all
+other backends read this table. A backend that has no way to say an operator raises `FittersError` with both names.
 """
 
 from collections.abc import Callable, Collection, Iterable
@@ -223,7 +223,10 @@ OPERATORS: dict[str, Operator] = {entry.name: entry for entry in _ENTRIES}
 
 
 def spelling(name: str, form: str) -> str:
-    """How a backend says an operator; `form` is one of `sympy latex llvm`. Raises `FittersError` where it cannot."""
+    """How a backend says an operator, `form` being `sympy`, `latex` or `llvm`.
+
+    Raises `FittersError` where it has no way to say it.
+    """
     text = getattr(OPERATORS[name], form) if name in OPERATORS else None
     if text is None:
         raise lacking(form, [name])

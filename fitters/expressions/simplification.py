@@ -1,7 +1,7 @@
 """The one simplifier: rules that follow from the facts in the table of operators, for every form of expressions.
 
-`simplified` keeps every value to the last bit, NaN and infinity too; only the sign of a zero may change. `shortened`
-also takes what keeps values except for rounding, and except for cells where what goes was not finite.
+`simplified` keeps every value to the last bit, NaN and infinity too; only the sign of a zero may change.
+`shortened` also keeps values, except for rounding and except for cells where what goes was not finite.
 """
 
 from collections.abc import Sequence
