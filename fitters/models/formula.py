@@ -22,7 +22,7 @@ from fitters.models.fitted import Fitted, MaterialFit, PerChannel
 from fitters.models.fitter import Family, Fitter, FormulaBaseline, Stage, Stages
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
-from fitters.models.scalar import ScalarCode
+from fitters.models.model_code import ModelCode
 
 RECIPROCITY = 1e-6
 """A formula counts as reciprocal where no random pair of directions differs by more, relative."""
@@ -73,16 +73,16 @@ class FormulaModel(HalfVectorSampling, Model):
         columns = self.parameters.T.tolist()
         return {name: (r, g, b) for name, (r, g, b) in zip(self.expression.parameters, columns, strict=True)}
 
-    def scalar_code(self) -> ScalarCode:
-        from fitters.judging.timing.formula_code import FormulaCode
+    def scalar_code(self) -> ModelCode:
+        from fitters.backends.scalar_code import ScalarCode
 
-        code = FormulaCode.of(self.expression)
+        code = ScalarCode.of(self.expression)
         formula = code.function()
 
         def call(w_i, w_o, tables, values):
             formula(w_i, w_o, tables, values)
 
-        return ScalarCode(call, (code.prepared(self.parameters),))
+        return ModelCode(call, (code.prepared(self.parameters),))
 
     def cost_ns(self) -> float:
         return cost_ns(self.expression)

@@ -10,7 +10,7 @@ from fitters.models.fitted import MaterialFit
 from fitters.models.fitter import Family, Fitter, MaterialFitter
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
-from fitters.models.scalar import ScalarCode, of_one_table
+from fitters.models.model_code import ModelCode, of_one_table
 
 
 class MeasuredTable(HalfVectorSampling, Model):
@@ -43,7 +43,7 @@ class MeasuredTable(HalfVectorSampling, Model):
         values[above] = self._rows[:, cell_index(*half_diff(w_i[above], w_o[above]))].T
         return values
 
-    def scalar_code(self) -> ScalarCode:
+    def scalar_code(self) -> ModelCode:
         from fitters.models.factors.lookup import measured_at
 
         return of_one_table(measured_at, self.table)

@@ -11,7 +11,7 @@ from fitters.grid import Array
 
 if TYPE_CHECKING:
     from fitters.expressions import Expression
-    from fitters.models.scalar import ScalarCode
+    from fitters.models.model_code import ModelCode
 
 COST_DIRECTIONS, COST_ROUNDS = 16384, 9
 
@@ -68,7 +68,7 @@ class Model(ABC):
         """Of a formula: its parameters `p0`.. by name, of the three channels; of any other model none."""
         return {}
 
-    def scalar_code(self) -> "ScalarCode":
+    def scalar_code(self) -> "ModelCode":
         """The model as code for one pair of directions, which `fitters.judging.timing` compiles and times.
 
         Raises `FittersError` where a kind of model has none.

@@ -13,7 +13,7 @@ from fitters.expressions import Expression, parse, to_text
 from fitters.fitting import ConfirmJob, Description, DescriptionJob, FitJob, Problem, confirm, describe
 from fitters.fitting.cells import Cells
 from fitters.fitting.culling.greedy import FREE, RECIPROCAL, Demands, Greedy, Stage, Step, contiguous
-from fitters.fitting.culling.tidying import substituted
+from fitters.fitting.culling.reductions import substituted
 from fitters.fitting.fit import Fit, refit
 from fitters.judging.checks import Checks
 from fitters.judging.metrics import length

@@ -14,7 +14,7 @@ from fitters.grid import Array
 from fitters.judging.timing.loop import call_each
 from fitters.models.directions import rows
 from fitters.models.model import Model
-from fitters.models.scalar import ScalarCode
+from fitters.models.model_code import ModelCode
 
 SIGNATURE = types.void(types.int64, types.int64, types.int64, types.int64)
 """Addresses of w_i (3,), w_o (3,), of the addresses of the tables, and of values (3,)."""
@@ -51,10 +51,10 @@ def empty() -> Closure:
     def call(w_i, w_o, tables, values):
         pass
 
-    return _compiled(ScalarCode(call))
+    return _compiled(ModelCode(call))
 
 
-def _compiled(code: ScalarCode) -> Closure:
+def _compiled(code: ModelCode) -> Closure:
     began = time.perf_counter()
     function = cfunc(SIGNATURE, error_model="numpy")(code.function)
     addresses = np.array([table.ctypes.data for table in code.tables], np.int64)

@@ -10,7 +10,7 @@ from fitters.models.directions import rows
 from fitters.models.factors import lookup
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
-from fitters.models.scalar import ScalarCode, of_one_table, table_at, vector_at
+from fitters.models.model_code import ModelCode, of_one_table, table_at, vector_at
 
 
 class _Tables(HalfVectorSampling, Model):
@@ -63,7 +63,7 @@ class MicrofacetFactors(_Tables):
         lookup.microfacet(rows(w_i), rows(w_o), *self._arrays.values(), values)
         return values
 
-    def scalar_code(self) -> ScalarCode:
+    def scalar_code(self) -> ModelCode:
         return _scalar_code(lookup.microfacet_at, tuple(self._arrays.values()))
 
 
@@ -88,7 +88,7 @@ class NaiveFactors(_Tables):
         lookup.naive(rows(w_i), rows(w_o), *self._arrays.values(), values)
         return values
 
-    def scalar_code(self) -> ScalarCode:
+    def scalar_code(self) -> ModelCode:
         return _scalar_code(lookup.naive_at, tuple(self._arrays.values()))
 
 
@@ -103,11 +103,11 @@ class BivariateTable(_Tables):
         lookup.bivariate(rows(w_i), rows(w_o), self["B"], values)
         return values
 
-    def scalar_code(self) -> ScalarCode:
+    def scalar_code(self) -> ModelCode:
         return of_one_table(lookup.bivariate_at, self["B"])
 
 
-def _scalar_code(function: Any, tables: tuple[np.ndarray, ...]) -> ScalarCode:
+def _scalar_code(function: Any, tables: tuple[np.ndarray, ...]) -> ModelCode:
     """Of a compiled function of two directions, rho_d, rho_s, three factors and the values."""
     rho, d, f, last = (tables[k].shape for k in (0, 2, 3, 4))
 
@@ -123,4 +123,4 @@ def _scalar_code(function: Any, tables: tuple[np.ndarray, ...]) -> ScalarCode:
             vector_at(values),
         )
 
-    return ScalarCode(call, tables)
+    return ModelCode(call, tables)

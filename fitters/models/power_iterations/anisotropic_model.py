@@ -15,6 +15,7 @@ from fitters import compiled
 from fitters.grid import Array
 from fitters.models.directions import rows
 from fitters.models.model import Model
+from fitters.models.model_code import ModelCode, table_at, vector_at
 from fitters.models.power_iterations.lookups import (
     QUARTER,
     half_vector,
@@ -27,7 +28,6 @@ from fitters.models.power_iterations.lookups import (
 )
 from fitters.models.power_iterations.slopes import Slopes, slopes, travelled
 from fitters.models.power_iterations.tables import checked
-from fitters.models.scalar import ScalarCode, table_at, vector_at
 
 
 class AnisotropicMicrofacet(Model):
@@ -115,7 +115,7 @@ class AnisotropicMicrofacet(Model):
         _evaluate(rows(w_i), rows(w_o), *self.tables, values)
         return values
 
-    def scalar_code(self) -> ScalarCode:
+    def scalar_code(self) -> ModelCode:
         t, log_p, rate, area, fresnel, scale = (table.shape for table in self.tables)
 
         def call(w_i, w_o, tables, values):
@@ -131,7 +131,7 @@ class AnisotropicMicrofacet(Model):
                 vector_at(values),
             )
 
-        return ScalarCode(call, self.tables)
+        return ModelCode(call, self.tables)
 
     def sample(self, w_o: Array, u: Array) -> Array:
         density, w_i = self._slopes, np.empty((len(w_o), 3))

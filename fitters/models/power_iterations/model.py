@@ -10,6 +10,7 @@ from fitters import compiled
 from fitters.grid import Array
 from fitters.models.directions import rows
 from fitters.models.model import Model
+from fitters.models.model_code import ModelCode, table_at, vector_at
 from fitters.models.power_iterations.lookups import (
     QUARTER,
     half_vector,
@@ -22,7 +23,6 @@ from fitters.models.power_iterations.lookups import (
 )
 from fitters.models.power_iterations.slopes import Slopes, slopes, travelled
 from fitters.models.power_iterations.tables import checked
-from fitters.models.scalar import ScalarCode, table_at, vector_at
 
 
 class TabulatedMicrofacet(Model):
@@ -118,7 +118,7 @@ class TabulatedMicrofacet(Model):
         _evaluate(rows(w_i), rows(w_o), *self.tables, self.published, values)
         return values
 
-    def scalar_code(self) -> ScalarCode:
+    def scalar_code(self) -> ModelCode:
         t, log_p, rate, p, area, fresnel, scale = (table.shape for table in self.tables)
         published = self.published
 
@@ -137,7 +137,7 @@ class TabulatedMicrofacet(Model):
                 vector_at(values),
             )
 
-        return ScalarCode(call, self.tables)
+        return ModelCode(call, self.tables)
 
     def sample(self, w_o: Array, u: Array) -> Array:
         density, w_i = self._slopes, np.empty((len(w_o), 3))

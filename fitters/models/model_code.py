@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numba import carray, from_dtype, njit, types
 
-from fitters.engine.math32 import address_as
+from fitters.backends.math32 import address_as
 
 Scalar = Callable[[int, int, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
-class ScalarCode:
+class ModelCode:
     """A function that numba can compile, and the tables that it reads, contiguous and kept alive here."""
 
     function: Scalar
@@ -36,7 +36,7 @@ def table_at(tables, k, shape):
     return carray(address_as(carray(address_as(tables, types.int64), (k + 1,))[k], types.float64), shape)
 
 
-def of_one_table(function: Any, table: np.ndarray) -> ScalarCode:
+def of_one_table(function: Any, table: np.ndarray) -> ModelCode:
     """The code of a compiled function (w_i, w_o, table, values) of one table of any type."""
     kind, shape = from_dtype(table.dtype), table.shape
 
@@ -44,4 +44,4 @@ def of_one_table(function: Any, table: np.ndarray) -> ScalarCode:
         only = carray(address_as(carray(address_as(tables, types.int64), (1,))[0], kind), shape)
         function(vector_at(w_i), vector_at(w_o), only, vector_at(values))
 
-    return ScalarCode(call, (table,))
+    return ModelCode(call, (table,))
