@@ -9,8 +9,7 @@ from fitters.expressions import to_text
 from fitters.expressions.catalogue import formula
 from fitters.fitting import Candidate, Fit, FitJob, FitProblem, FitSettings, ProblemRecipe, build_problem, screen
 from gpsearch.configuration import Configuration
-from gpsearch.evolution.island import Breeding
-from gpsearch.evolution.seeds import cells_seed
+from gpsearch.evolution.island import Breeding, cells_seed
 from gpsearch.genomes import Mutation, codebank
 from workers import Recipe
 
