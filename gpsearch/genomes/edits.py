@@ -55,7 +55,7 @@ Edit = Swap | Insert | Replace | Delete
 
 
 def replacement_kind(symbol: str) -> str:
-    """What may replace each other: `unary`, `binary`, `dot`, `vector`, and `scalar` for leaves that have a value."""
+    """What may replace each other: `unary`, `binary`, `dot`, `vector`, or `scalar` for leaves with a value."""
     kind = grammar.kind(symbol)
     return "scalar" if kind in ("parameter", "constant", "component") else kind
 
