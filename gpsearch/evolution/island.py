@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from fitters.expressions import to_text
+from fitters.expressions import parse, to_text
 from fitters.expressions.canonical import Canonical, canonical
 from gpsearch.genomes import Genome, Mutation, crossover, random_edit
 from gpsearch.genomes.edits import Draft
@@ -67,6 +67,12 @@ class Offspring:
     nodes: int
     parent: str
     canonical: Canonical
+
+    @classmethod
+    def of_start(cls, start: str) -> "Offspring":
+        """A starting expression as it is, without edits."""
+        expression = parse(start)
+        return cls(Genome(start), start, expression.nodes, start, canonical(expression))
 
 
 @dataclass(frozen=True, slots=True)
