@@ -6,7 +6,7 @@ from pathlib import Path
 from pydantic import ValidationInfo
 
 from fitters.materials import builtin_names
-from fitters.materials.loading import READERS
+from fitters.materials.formats import ISOTROPIC_SUFFIXES
 from gpsearch.configuration.fields import refuse_at, surroundings
 from gpsearch.configuration.files import check_file, resolve_path
 from gpsearch.configuration.wording import listed, nearest, shown
@@ -22,7 +22,7 @@ def material_name(reference: str) -> str:
 def check_material(reference: str, info: ValidationInfo) -> str:
     """Validates a material's reference: a built-in name, or an existing file of a known format."""
     if not reference.startswith(BUILTIN):
-        return check_file(reference, READERS, info, "write builtin:NAME for a built-in one")
+        return check_file(reference, ISOTROPIC_SUFFIXES, info, "write builtin:NAME for a built-in one")
     known = [BUILTIN + name for name in builtin_names()]
     if reference not in known:
         near = nearest(reference, known)

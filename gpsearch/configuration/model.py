@@ -12,7 +12,7 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import METRICS
+from fitters.fitting import RESIDUALS
 from fitters.models.baselines import TABULATED
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.formulas import check_no_baseline_twice
@@ -97,7 +97,7 @@ class Configuration(Section):
         (), max_length=MAX_ENTRIES, description="a list of .binary or .bsdf files or builtin:NAME"
     )
     scene: SceneSection = section(SceneSection)
-    metric: Annotated[str, AfterValidator(one_of(METRICS))] = Field("light", description=listed(METRICS))
+    metric: Annotated[str, AfterValidator(one_of(RESIDUALS))] = Field("light", description=listed(RESIDUALS))
     executor: Annotated[
         LocalExecutorSection | DaskExecutorSection, Field(discriminator="kind"), BeforeValidator(_kind_alone)
     ] = Field(
