@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from fitters.backends.program import lower
 from fitters.engine import prepared
-from fitters.engine.program import lower
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import build_problem, fit

@@ -14,7 +14,8 @@ from unittest.mock import patch
 
 import numpy as np
 
-from fitters.engine import prepared, program
+from fitters.backends import program
+from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
 from fitters.fitting import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
@@ -52,7 +53,7 @@ class Arm:
 @lru_cache(maxsize=256)
 def lower_without_split(expression: Expression) -> program.Program:
     """The program of an expression of which no parameter is solved in closed form."""
-    with patch.object(program, "split_linear", lambda graph, root: {None: root}):
+    with patch.object(program, "split_linear", lambda form, root: {None: root}):
         return program.lower.__wrapped__(expression)
 
 

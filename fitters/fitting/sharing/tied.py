@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.backends.double import Double
+from fitters.backends.program import lower
 from fitters.engine.coordinates import Coordinates
-from fitters.engine.double import Double
 from fitters.engine.prepared import linear_units
-from fitters.engine.program import lower
 from fitters.expressions import Expression
 from fitters.fitting.fit import Bounds, Fit
 from fitters.fitting.least_squares import LeastSquares, stepped

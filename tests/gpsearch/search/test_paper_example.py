@@ -8,8 +8,8 @@ import pytest
 import sympy
 
 from fitters import grid
+from fitters.backends.sympy_form import to_sympy
 from fitters.expressions import parse
-from fitters.expressions.sympy_form import to_sympy
 from fitters.materials.merl import write_merl
 from tests.gpsearch.small import Watching, run_search, small
 

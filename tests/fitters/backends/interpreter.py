@@ -1,53 +1,16 @@
-"""Graphs in float64 and programs on the register machine, run plainly, for the tests to compare."""
+"""Lowered forms in float64 and programs on the register machine, run plainly, for the tests to compare."""
 
 import numpy as np
 
-from fitters.engine.machine import run_block, run_scalars
-from fitters.engine.program import Program
-
-OPERATIONS = {
-    "neg": np.negative,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "exp": np.exp,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "sqrt": np.sqrt,
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.divide,
-    "max": np.maximum,
-    "min": np.minimum,
-    "pow": np.power,
-}
+from fitters.backends.machine import run_block, run_scalars
+from fitters.backends.program import Program
+from fitters.expressions.evaluation import Evaluator, evaluate_features
+from fitters.expressions.operators import OPERATORS
 
 
-def _log(x):
-    """log, finite at 0 as the engine defines it."""
-    return np.where(x == 0, -1e38, np.log(x))
-
-
-def interpret(graph, roots, parameters, seen):
-    """Values (n,) of the roots of a graph, in float64."""
-    values = {}
-    shape = np.shape(seen["wi.z"])
-    with np.errstate(all="ignore"):
-        for node in graph.reachable(roots):
-            operator, *rest = graph.nodes[node]
-            if operator == "const":
-                values[node] = np.float64(rest[0])
-            elif operator == "param":
-                values[node] = np.float64(parameters[rest[0]])
-            elif operator == "feature":
-                values[node] = seen[rest[0]]
-            elif operator == "log":
-                values[node] = _log(values[rest[0]])
-            else:
-                values[node] = OPERATIONS[operator](*(values[child] for child in rest))
-    return [np.broadcast_to(values[root], shape) for root in roots]
+def interpret(form, roots, parameters, seen):
+    """Values (n,) of the roots of a lowered form, in float64."""
+    return [np.broadcast_to(row, np.shape(seen["wi.z"])) for row in Evaluator(form, roots).run(parameters, seen)]
 
 
 def perturbed(tree, parameters, seen, rng, size=1e-12):
@@ -56,13 +19,11 @@ def perturbed(tree, parameters, seen, rng, size=1e-12):
     How far these stray from the exact ones is the condition of the tree at those values: no arrangement of
     the same sums and products can be expected to be closer than that, relative to the rounding it makes.
     """
-    from fitters.expressions.evaluation import evaluate_features
-
     if not tree.children or tree.symbol == "dot":
         return evaluate_features(tree, parameters, seen)
     children = [perturbed(child, parameters, seen, rng, size) for child in tree.children]
     with np.errstate(all="ignore"):
-        result = OPERATIONS[tree.symbol](*children)
+        result = OPERATORS[tree.symbol].meaning(*children)
     return result * (1 + size * rng.uniform(-1, 1, np.shape(result)))
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import sympy
 
+from fitters.backends.sympy_form import from_sympy, to_sympy
 from fitters.expressions import evaluate, parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features, features
-from fitters.expressions.sympy_form import from_sympy, to_sympy
 from tests.random_expressions import random_directions, random_features, random_tree
 
 PARAMETERS = {f"p{i}": value for i, value in enumerate((0.3, 1.7, 0.4, 0.2, 1.5, 0.1, 2.0, 1.2, 5.0, 1.1))}

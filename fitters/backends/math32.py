@@ -2,7 +2,7 @@
 
 Coefficients are those of Cephes (Moshier, public domain); the largest relative error is some 3e-7. SVML would do
 the same where numba is patched for it, which its wheels are not. Special values: NaN stays NaN, exp overflows to
-infinity and underflows to zero, log(0) is `ZERO_LOG` (see graph.py), log of a negative number is NaN.
+infinity and underflows to zero, log(0) is `operators.ZERO_LOG`, log of a negative number is NaN.
 """
 
 import math
@@ -12,7 +12,7 @@ from llvmlite import ir
 from numba import njit, types
 from numba.extending import intrinsic
 
-from fitters.engine.graph import ZERO_LOG
+from fitters.expressions.operators import ZERO_LOG
 
 FLAGS = {"nsz", "arcp", "contract", "reassoc", "afn"}
 """Never nnan or ninf: what is not finite must be seen."""

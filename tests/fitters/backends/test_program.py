@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from fitters.engine.graph import Graph, add_expression
-from fitters.engine.linear import split_linear
-from fitters.engine.opcodes import OPCODE
-from fitters.engine.program import lower, lower_whole
-from fitters.engine.regroup import regroup
+from fitters.backends.linear import split_linear
+from fitters.backends.machine import OPCODE
+from fitters.backends.program import lower, lower_whole
+from fitters.backends.regroup import regroup
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
 from fitters.expressions.expression import MAX_DEPTH
-from tests.fitters.engine.interpreter import combined, interpret, perturbed
+from fitters.expressions.lowered import Lowered, add_expression
+from tests.fitters.backends.interpreter import combined, interpret, perturbed
 from tests.random_expressions import BINARY, UNARY, random_features, random_tree, wild_parameters
 
 CASES = 1500
@@ -25,7 +25,7 @@ def cases(seed, count=CASES):
         yield random_tree(rng, int(rng.integers(2, 8))), wild_parameters(rng), seen, rng
 
 
-def test_a_regrouped_graph_has_the_values_of_the_expression():
+def test_a_regrouped_form_has_the_values_of_the_expression():
     """Judged where the plain value is finite, and stays so when every operation is off by 1e-12.
 
     Tolerance: 1e-9 of the value, or a thousand times what that 1e-12 moves it (its condition).
@@ -33,8 +33,8 @@ def test_a_regrouped_graph_has_the_values_of_the_expression():
     compared = 0
     for tree, parameters, seen, rng in cases(0):
         plain = evaluate_features(tree, parameters, seen)
-        graph = Graph()
-        regrouped, roots = regroup(graph, [add_expression(graph, tree)])
+        form = Lowered()
+        regrouped, roots = regroup(form, [add_expression(form, tree)])
         (found,) = interpret(regrouped, roots, parameters, seen)
         with np.errstate(invalid="ignore", over="ignore"):
             moved = [np.abs(perturbed(tree, parameters, seen, rng) - plain) for _ in range(3)]
@@ -48,16 +48,14 @@ def test_a_regrouped_graph_has_the_values_of_the_expression():
 def test_the_split_is_affine_in_parameters_that_no_coefficient_reads():
     split_at_all = 0
     for tree, parameters, seen, rng in cases(1):
-        graph = Graph()
-        split = split_linear(graph, add_expression(graph, tree))
+        form = Lowered()
+        split = split_linear(form, add_expression(form, tree))
         linear = [name for name in split if name is not None]
         split_at_all += bool(linear)
-        used = {
-            graph.nodes[node][1] for node in graph.reachable(split.values()) if graph.nodes[node][0] == "param"
-        }
+        used = {form.nodes[node][1] for node in form.reachable(split.values()) if form.nodes[node][0] == "param"}
         assert not used & set(linear)
         plain = evaluate_features(tree, parameters, seen)
-        terms = dict(zip(split, interpret(graph, list(split.values()), parameters, seen), strict=True))
+        terms = dict(zip(split, interpret(form, list(split.values()), parameters, seen), strict=True))
         with np.errstate(invalid="ignore", over="ignore"):
             parts = [terms[n] * (1.0 if n is None else parameters[n]) for n in split]
             found = np.sum(parts, axis=0)
@@ -157,7 +155,7 @@ def test_nested_powers_stay_small():
     for _ in range(8):
         tree = Expression("pow", (tree, Expression("16")))
     program = lower(Expression("mul", (tree, Expression("p0"))))
-    assert len(program.graph.reachable(program.inputs)) < 100
+    assert len(program.form.reachable(program.inputs)) < 100
 
 
 @pytest.mark.parametrize("exponent", ["exp(1e5)", "-exp(1e5)", "asin(2)", "1 / (1 - 1)", "1e300", "0", "-0", "17"])
@@ -166,8 +164,8 @@ def test_powers_by_odd_numbers_keep_their_value(base, exponent):
     tree = parse(f"pow({base}, {exponent})")
     seen = random_features(np.random.default_rng(0), 8)
     plain = evaluate_features(tree, {"p0": 0.5}, seen)
-    graph = Graph()
-    regrouped, roots = regroup(graph, [add_expression(graph, tree)])
+    form = Lowered()
+    regrouped, roots = regroup(form, [add_expression(form, tree)])
     (found,) = interpret(regrouped, roots, {"p0": 0.5}, seen)
     np.testing.assert_allclose(found, plain, rtol=1e-12)
 

@@ -8,7 +8,8 @@ logarithm. Common factors are never cancelled: x / x at x = 0 must stay what it 
 
 from collections import Counter
 
-from fitters.engine.graph import CELL, CONSTANT, MIXED, SCALAR, Graph
+from fitters.expressions.lowered import CELL, CONSTANT, MIXED, SCALAR, Lowered
+from fitters.expressions.operators import OPERATORS
 
 _PRODUCTS = ("mul", "div", "neg")
 _SUMS = ("add", "sub")
@@ -16,8 +17,8 @@ _SUMS = ("add", "sub")
 _NON_NEGATIVE_FEATURES = frozenset(("wi.z", "wo.z", "wh.z", "wi.wh"))
 
 
-def regroup(source: Graph, roots: list[int]) -> tuple[Graph, list[int]]:
-    """A new graph that computes the same values for the roots, and their nodes there."""
+def regroup(source: Lowered, roots: list[int]) -> tuple[Lowered, list[int]]:
+    """A new form that computes the same values for the roots, and their nodes there."""
     pass_ = _Regroup(source, roots)
     nodes = source.reachable(roots)
     opened = {child for node in nodes for child in source.children(node) if pass_.opens(node, child)}
@@ -29,16 +30,16 @@ def regroup(source: Graph, roots: list[int]) -> tuple[Graph, list[int]]:
 
 
 class _Regroup:
-    def __init__(self, source: Graph, roots: list[int]) -> None:
+    def __init__(self, source: Lowered, roots: list[int]) -> None:
         self.source = source
-        self.target = Graph()
+        self.target = Lowered()
         self.done: dict[int, int] = {}
         self.uses = Counter(roots)
         for node in source.reachable(roots):
             self.uses.update(source.children(node))
 
     def node(self, node: int) -> int:
-        """The node of the new graph that stands for one of the old."""
+        """The node of the new form that stands for one of the old."""
         if node not in self.done:
             self.done[node] = self._rebuild(node)
         return self.done[node]
@@ -181,33 +182,28 @@ class _Regroup:
         return total
 
 
-def non_negative(graph: Graph, node: int) -> bool:
+def non_negative(form: Lowered, node: int) -> bool:
     """Whether a node's value is certainly not negative (it may be infinite or NaN)."""
-    operator, *rest = graph.nodes[node]
+    operator, *rest = form.nodes[node]
     if operator == "const":
         return rest[0] >= 0
     if operator == "feature":
         return rest[0] in _NON_NEGATIVE_FEATURES
-    if operator in ("exp", "sqrt", "acos"):
-        return True
+    if operator == "param":
+        return False
     if operator == "mul" and rest[0] == rest[1]:
         return True
-    if operator in ("add", "mul", "div", "min"):
-        return all(non_negative(graph, child) for child in rest)
-    if operator == "max":
-        return any(non_negative(graph, child) for child in rest)
-    if operator == "pow":
-        return non_negative(graph, rest[0])
     if operator == "sub":
-        return graph.value(rest[0]) is not None and _at_most(graph, rest[1], graph.value(rest[0]) or 0.0)
-    return False
+        bound = form.value(rest[0])
+        return bound is not None and _at_most(form, rest[1], bound)
+    return OPERATORS[operator].non_negative(non_negative(form, child) for child in rest)
 
 
-def _at_most(graph: Graph, node: int, bound: float) -> bool:
+def _at_most(form: Lowered, node: int, bound: float) -> bool:
     """Whether a node's value is certainly not above the bound: features are cosines."""
-    operator, *rest = graph.nodes[node]
+    operator, *rest = form.nodes[node]
     if operator == "feature":
         return bound >= 1
     if operator == "mul" and bound >= 1:
-        return all(non_negative(graph, child) and _at_most(graph, child, 1.0) for child in rest)
+        return all(non_negative(form, child) and _at_most(form, child, 1.0) for child in rest)
     return operator == "const" and rest[0] <= bound

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fitters.engine.double import BLOCK, Double
-from fitters.engine.program import lower
+from fitters.backends.double import BLOCK, Double
+from fitters.backends.program import lower
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
 from tests.random_expressions import random_features, random_tree, wild_parameters

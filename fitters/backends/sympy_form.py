@@ -1,13 +1,15 @@
-"""Expressions as SymPy objects: for simplification, for proofs of equivalence, for LaTeX."""
+"""The SymPy backend: for proofs that two formulas are the same. The only module that imports SymPy."""
 
+import operator
 from functools import reduce
 
 import numpy as np
 import sympy
 
 from fitters.expressions import grammar
-from fitters.expressions.evaluation import dot_feature
 from fitters.expressions.expression import Expression
+from fitters.expressions.lowered import Walk, lowered
+from fitters.expressions.operators import OPERATORS, spelling
 
 _EXACT_BITS = 1024
 """Powers of numbers with more digits are held as floating-point numbers."""
@@ -23,44 +25,30 @@ def _power(base: sympy.Expr, exponent: sympy.Expr) -> sympy.Expr:
     return sympy.Pow(base, exponent if abs(exponent) <= _EXACT_BITS else sympy.Float(exponent))
 
 
-_FUNCTIONS = {
-    "neg": lambda a: -a,
-    "sin": sympy.sin,
-    "cos": sympy.cos,
-    "tan": sympy.tan,
-    "exp": sympy.exp,
-    "asin": sympy.asin,
-    "acos": sympy.acos,
-    "atan": sympy.atan,
-    "sqrt": sympy.sqrt,
-    "add": lambda a, b: a + b,
-    "sub": lambda a, b: a - b,
-    "mul": lambda a, b: a * b,
-    "div": lambda a, b: a / b,
-    "max": sympy.Max,
-    "min": sympy.Min,
-    "pow": _power,
-}
+def _operation(name: str, *operands: sympy.Expr) -> sympy.Expr:
+    spelled = spelling(name, "sympy")
+    if spelled.startswith("__"):
+        return getattr(operator, spelled)(*operands)
+    return _power(*operands) if spelled == "Pow" else getattr(sympy, spelled)(*operands)
 
 
 def to_sympy(expression: Expression) -> sympy.Expr:
     """The SymPy form. Parameters and features (`wi.z`, `wi.wh`, ...) become real symbols of those names.
 
-    Dot products that are always equal share a symbol: w_i . w_h = w_o . w_h, and w_r . w_n = w_i . w_n.
+    Dot products that are always equal share a symbol: w_i . w_h = w_o . w_h, and w_r . w_n = w_i . w_n. Raises
+    `FittersError` for an operator that SymPy has no function for.
     """
-    if expression.symbol == "dot":
-        name = dot_feature(expression.children[0].symbol, expression.children[1].symbol)
-        if name == "1":
-            return sympy.Integer(1)
-        if name == "2 wi.z^2 - 1":
-            return 2 * _symbol("wi.z") ** 2 - 1
-        return _symbol(name)
-    if expression.children:
-        return _FUNCTIONS[expression.symbol](*(to_sympy(child) for child in expression.children))
-    kind = grammar.kind(expression.symbol)
-    if kind == "constant":
-        return _number(expression.symbol)
-    return _symbol("wi.z" if expression.symbol == "wr.z" else expression.symbol)
+    form, root = lowered(expression)
+    return Walk[sympy.Expr](form, [root]).run(_leaf, _operation)[0]
+
+
+def _leaf(kind: str, label: float | str) -> sympy.Expr:
+    if kind != "const":
+        return sympy.Symbol(str(label), real=True)
+    symbol = grammar.constant(float(label))
+    if symbol == "pi":
+        return sympy.pi
+    return sympy.Integer(symbol) if symbol.isdigit() else sympy.Float(symbol)
 
 
 def from_sympy(form: sympy.Expr) -> Expression:
@@ -76,33 +64,21 @@ def from_sympy(form: sympy.Expr) -> Expression:
     if form.is_Number or form == sympy.E:
         return _constant(form)
     arguments = [from_sympy(argument) for argument in form.args]
-    folded = {sympy.Add: "add", sympy.Mul: "mul", sympy.Max: "max", sympy.Min: "min"}
-    for function, symbol in folded.items():
-        if isinstance(form, function):
-            return reduce(lambda a, b: Expression(symbol, (a, b)), arguments)
-    if isinstance(form, sympy.exp):
-        return Expression("exp", tuple(arguments))
-    if form.is_Pow:
-        return Expression("pow", tuple(arguments))
-    # SymPy's own rewriting makes these two: sqrt(x^2) = |x|, tan(x + pi/2) = -cot(x).
-    if isinstance(form, sympy.Abs):
-        return Expression("max", (arguments[0], Expression("neg", (arguments[0],))))
-    if isinstance(form, sympy.cot):
-        return Expression("div", (Expression("1"), Expression("tan", (arguments[0],))))
     name = type(form).__name__
-    if name in grammar.UNARY:
-        return Expression(name, tuple(arguments))
+    arithmetic = {"Add": "add", "Mul": "mul", "Pow": "pow"}
+    known = arithmetic.get(name) or next(
+        (o.name for o in OPERATORS.values() if o.written and o.sympy == name), None
+    )
+    if known is not None:
+        if grammar.arity(known) == 1:
+            return Expression(known, tuple(arguments))
+        return reduce(lambda a, b: Expression(known, (a, b)), arguments)
+    # SymPy's own rewriting makes these two: sqrt(x^2) = |x|, tan(x + pi/2) = -cot(x).
+    if name == "Abs":
+        return Expression("max", (arguments[0], Expression("neg", (arguments[0],))))
+    if name == "cot":
+        return Expression("div", (Expression("1"), Expression("tan", (arguments[0],))))
     raise ValueError(f"{form} has no expression in the grammar: {name}")
-
-
-def _symbol(name: str) -> sympy.Symbol:
-    return sympy.Symbol(name, real=True)
-
-
-def _number(symbol: str) -> sympy.Expr:
-    if symbol == "pi":
-        return sympy.pi
-    return sympy.Integer(symbol) if symbol.isdigit() else sympy.Float(symbol)
 
 
 def _constant(form: sympy.Expr) -> Expression:

@@ -1,7 +1,8 @@
 """Programs: an expression lowered to the register machine's code.
 
-Lowering goes expression -> graph (`graph.py`) -> split into linear coefficients (`linear.py`) -> regrouped
-(`regroup.py`) -> code. A program computes its outputs, the offset and one coefficient per linear parameter:
+An expression is lowered (`expressions/lowered.py`), split into linear coefficients (`linear.py`), regrouped
+(`regroup.py`) and written as code. A program computes its outputs, the offset and one coefficient per linear
+parameter:
 
     f = output[0] + sum over j of linear[j] * output[1 + j]
 
@@ -16,11 +17,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from fitters.engine.graph import APPLY, CELL, CONSTANT, MIXED, SCALAR, Graph, add_expression
-from fitters.engine.linear import split_linear
-from fitters.engine.opcodes import OPCODE, SCALAR_OPCODE, Form
-from fitters.engine.regroup import regroup
+from fitters.backends.linear import split_linear
+from fitters.backends.machine import Operands, scalar_opcode, vector_opcode
+from fitters.backends.regroup import regroup
+from fitters.expressions.evaluation import Evaluator
 from fitters.expressions.expression import Expression
+from fitters.expressions.lowered import CELL, CONSTANT, MIXED, SCALAR, Lowered, add_expression
+from fitters.expressions.operators import OPERATORS
 from fitters.grid import Array
 
 Code = NDArray[np.int32]
@@ -34,9 +37,9 @@ class Program:
     scalars:          (s,) initial scalar registers: the searched parameters first, then constants and room
     scalar_code:      (n, 4) over scalar registers
     code:             (n, 4); vector slots are inputs, then outputs, then temporaries
-    inputs:           nodes of `graph` whose values on the cells the machine reads
+    inputs:           nodes of `form` whose values on the cells the machine reads
     outputs:          (1 + linear,) vector slots; the first is -1 where there is no offset
-    roots:            nodes of `graph` that the outputs are, the offset first where there is one
+    roots:            nodes of `form` that the outputs are, the offset first where there is one
     """
 
     searched: tuple[str, ...]
@@ -44,7 +47,7 @@ class Program:
     scalars: NDArray[np.float64]
     scalar_code: Code
     code: Code
-    graph: Graph
+    form: Lowered
     inputs: tuple[int, ...]
     outputs: NDArray[np.int32]
     roots: tuple[int, ...]
@@ -55,44 +58,27 @@ class Program:
         """The machine's inputs (inputs, n) from the features of n cells: computed in float64, held in float32."""
         vectors = np.empty((max(len(self.inputs), 1), len(features["wi.z"])), np.float32)
         with np.errstate(all="ignore"):
-            for row, values in enumerate(self.cell_values(features, self.inputs)):
+            for row, values in enumerate(Evaluator(self.form, self.inputs).run(features=features)):
                 vectors[row] = values
         return vectors
-
-    def cell_values(self, features: Mapping[str, Array], nodes: Sequence[int]) -> list[Array]:
-        """Values of nodes of the class CELL, each (n,) float64."""
-        values: dict[int, Array] = {}
-        with np.errstate(all="ignore"):
-            for node in self.graph.reachable(nodes):
-                values[node] = _cell_value(self.graph, node, values, features)
-        return [values[node] for node in nodes]
-
-
-def _cell_value(graph: Graph, node: int, values: dict[int, Array], features: Mapping[str, Array]) -> Array:
-    operator, *rest = graph.nodes[node]
-    if operator == "const":
-        return np.asarray(rest[0])
-    if operator == "feature":
-        return features[rest[0]]
-    return APPLY[operator](*(values[child] for child in rest))
 
 
 @lru_cache(maxsize=256)
 def lower(expression: Expression) -> Program:
     """The program of an expression."""
-    graph = Graph()
-    split = split_linear(graph, add_expression(graph, expression))
+    form = Lowered()
+    split = split_linear(form, add_expression(form, expression))
     linear = tuple(name for name in split if name is not None)
     linear = tuple(sorted(linear, key=lambda name: int(name[1:])))
     roots = [split[name] for name in ((None, *linear) if None in split else linear)]
-    regrouped, nodes = regroup(graph, roots)
+    regrouped, nodes = regroup(form, roots)
     return _Scheduler(regrouped, nodes, linear, has_offset=None in split).program()
 
 
 def lower_whole(expression: Expression) -> Program:
     """The program that computes all of an expression per cell: no linear split, and features for inputs only."""
-    graph = Graph()
-    regrouped, nodes = regroup(graph, [add_expression(graph, expression)])
+    form = Lowered()
+    regrouped, nodes = regroup(form, [add_expression(form, expression)])
     for node, operation in enumerate(regrouped.nodes):
         if regrouped.classes[node] == CELL and operation[0] != "feature":
             regrouped.classes[node] = MIXED
@@ -100,15 +86,15 @@ def lower_whole(expression: Expression) -> Program:
 
 
 class _Scheduler:
-    """Orders the nodes of a regrouped graph, gives them registers and writes the code."""
+    """Orders the nodes of a regrouped form, gives them registers and writes the code."""
 
-    def __init__(self, graph: Graph, roots: list[int], linear: tuple[str, ...], *, has_offset: bool) -> None:
-        self.graph, self.roots, self.linear, self.has_offset = graph, roots, linear, has_offset
-        self.order = graph.reachable(roots)
-        self.mixed = [node for node in self.order if graph.classes[node] == MIXED]
+    def __init__(self, form: Lowered, roots: list[int], linear: tuple[str, ...], *, has_offset: bool) -> None:
+        self.form, self.roots, self.linear, self.has_offset = form, roots, linear, has_offset
+        self.order = form.reachable(roots)
+        self.mixed = [node for node in self.order if form.classes[node] == MIXED]
         self.searched = tuple(
             sorted(
-                (graph.nodes[node][1] for node in self.order if graph.nodes[node][0] == "param"),
+                (form.nodes[node][1] for node in self.order if form.nodes[node][0] == "param"),
                 key=lambda name: int(name[1:]),
             )
         )
@@ -118,12 +104,12 @@ class _Scheduler:
     def program(self) -> Program:
         scalars, scalar_code = self._scalars()
         inputs = self._inputs()
-        filled = [root for root in dict.fromkeys(self.roots) if self.graph.classes[root] in (CONSTANT, SCALAR)]
-        written = [root for root in dict.fromkeys(self.roots) if self.graph.classes[root] == MIXED]
+        filled = [root for root in dict.fromkeys(self.roots) if self.form.classes[root] in (CONSTANT, SCALAR)]
+        written = [root for root in dict.fromkeys(self.roots) if self.form.classes[root] == MIXED]
         for slot, node in enumerate([*inputs, *filled, *written]):
             self.slot[node] = slot
         persistent = len(inputs) + len(filled) + len(written)
-        code = [(OPCODE["fill", Form.S], self.slot[n], self.scalar_register[n], 0) for n in filled]
+        code = [(vector_opcode("fill", Operands.S), self.slot[n], self.scalar_register[n], 0) for n in filled]
         mixed_code, temporaries = self._vectors(set(written), persistent)
         outputs = [self.slot[root] for root in self.roots]
         return Program(
@@ -132,7 +118,7 @@ class _Scheduler:
             scalars=scalars,
             scalar_code=scalar_code,
             code=_rows(code + mixed_code),
-            graph=self.graph,
+            form=self.form,
             inputs=tuple(inputs),
             outputs=np.array(outputs if self.has_offset else [-1, *outputs], np.int32),
             roots=tuple(self.roots),
@@ -142,34 +128,34 @@ class _Scheduler:
 
     def _scalars(self) -> tuple[NDArray[np.float64], Code]:
         """Registers of all scalar and constant nodes that any code reads."""
-        wanted = [node for node in self.order if self.graph.classes[node] in (CONSTANT, SCALAR)]
-        params = [node for node in wanted if self.graph.nodes[node][0] == "param"]
-        params.sort(key=lambda node: self.searched.index(self.graph.nodes[node][1]))
-        rest = [node for node in wanted if self.graph.nodes[node][0] != "param"]
+        wanted = [node for node in self.order if self.form.classes[node] in (CONSTANT, SCALAR)]
+        params = [node for node in wanted if self.form.nodes[node][0] == "param"]
+        params.sort(key=lambda node: self.searched.index(self.form.nodes[node][1]))
+        rest = [node for node in wanted if self.form.nodes[node][0] != "param"]
         self.scalar_register = {node: register for register, node in enumerate([*params, *rest])}
         initial = np.zeros(max(len(wanted), 1))
         code = []
         for node in rest:
-            operator, *children = self.graph.nodes[node]
+            operator, *children = self.form.nodes[node]
             if operator == "const":
                 initial[self.scalar_register[node]] = children[0]
             else:
                 registers = [self.scalar_register[child] for child in children]
-                code.append((SCALAR_OPCODE[operator], self.scalar_register[node], registers[0], registers[-1]))
+                code.append((scalar_opcode(operator), self.scalar_register[node], registers[0], registers[-1]))
         return initial, _rows(code)
 
     def _inputs(self) -> list[int]:
         """Cell nodes that mixed nodes read, and outputs that are cell nodes."""
-        read = {child for node in self.mixed for child in self.graph.children(node)} | set(self.roots)
-        return sorted(node for node in read if self.graph.classes[node] == CELL)
+        read = {child for node in self.mixed for child in self.form.children(node)} | set(self.roots)
+        return sorted(node for node in read if self.form.classes[node] == CELL)
 
     def _vectors(self, written: set[int], persistent: int) -> tuple[list[tuple[int, ...]], int]:
-        last_use = {child: node for node in self.mixed for child in self.graph.children(node)}
+        last_use = {child: node for node in self.mixed for child in self.form.children(node)}
         free: list[int] = []
         temporaries = 0
         code = []
         for node in self.mixed:
-            operator, *children = self.graph.nodes[node]
+            operator, *children = self.form.nodes[node]
             if node not in self.slot:
                 # Never the slot of an operand of this very node: equal pointers make the loop run scalar.
                 if not free:
@@ -184,15 +170,15 @@ class _Scheduler:
         return code, temporaries
 
     def _instruction(self, operator: str, destination: int, children: list[int]) -> tuple[int, ...]:
-        is_scalar = [self.graph.classes[child] in (CONSTANT, SCALAR) for child in children]
-        if len(children) == 2 and is_scalar[0] and operator in ("add", "mul", "max", "min"):
+        is_scalar = [self.form.classes[child] in (CONSTANT, SCALAR) for child in children]
+        if len(children) == 2 and is_scalar[0] and OPERATORS[operator].commutative:
             children, is_scalar = children[::-1], is_scalar[::-1]
         operands = [
             self.scalar_register[child] if scalar else self.slot[child]
             for child, scalar in zip(children, is_scalar, strict=True)
         ]
-        form = Form("".join("s" if scalar else "v" for scalar in is_scalar))
-        return OPCODE[operator, form], destination, operands[0], operands[-1]
+        kinds = Operands("".join("s" if scalar else "v" for scalar in is_scalar))
+        return vector_opcode(operator, kinds), destination, operands[0], operands[-1]
 
 
 def _rows(code: Sequence[tuple[int, ...]]) -> Code:
