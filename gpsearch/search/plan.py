@@ -9,8 +9,7 @@ from fitters.expressions import to_text
 from fitters.fitting import Candidate, Fit, FitJob, FitSettings, Problem, ProblemRecipe, screen
 from fitters.models.formula import published
 from gpsearch.configuration import Configuration
-from gpsearch.evolution.island import Breeding
-from gpsearch.evolution.seeds import cells_seed
+from gpsearch.evolution.island import Breeding, cells_seed
 from gpsearch.genomes import Mutation, codebank
 from workers import Recipe
 

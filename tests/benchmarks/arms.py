@@ -23,7 +23,7 @@ from fitters.fitting.cells import Cells
 from fitters.fitting.fit import _prepared, _starts, _stated
 from fitters.fitting.settings import Bounds
 from fitters.judging.metrics import Residual
-from gpsearch.search import course
+from gpsearch.search import island_search
 from gpsearch.search.memory import Memory
 
 fitting = sys.modules["fitters.fitting.fit"]
@@ -95,9 +95,9 @@ def fit_as_the_paper(
 
 
 WITHOUT_PROJECTION = (prepared, "lower", lower_without_split)
-WITHOUT_MEMORY = (Memory, "knows", lambda self, key, bar: key in self.fresh)
+WITHOUT_MEMORY = (Memory, "knows", lambda self, key, bar: key in self.new_fits)
 """Known is only what a generation that was broken off has fitted."""
-AS_SCREENED = (course, "confirm", confirm_as_screened)
+AS_SCREENED = (island_search, "confirm", confirm_as_screened)
 
 ARMS = {
     arm.name: arm
