@@ -18,9 +18,9 @@ from fitters.backends import program
 from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
-from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, refit, stages
+from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, refit_cells, stages
+from fitters.fitting.cell_fit import _prepared, _starts, _stated
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import _prepared, _starts, _stated
 from fitters.fitting.settings import Bounds
 from fitters.judging.metrics import Residual
 from gpsearch.search import island_search
@@ -69,7 +69,7 @@ def confirm_as_screened(fit_problem: Problem, task: ConfirmJob) -> Confirmed:
     assert task.near is not None
     job, expression = task.job, stages.parse(task.job.expressions[0])
     full, metric = fit_problem.full, fit_problem.metric
-    found = refit(expression, full, metric, job.intervals, task.near, job.settings, evaluations=0)
+    found = refit_cells(expression, full, metric, job.intervals, task.near, job.settings, evaluations=0)
     return Confirmed(found, time.perf_counter() - started)
 
 
