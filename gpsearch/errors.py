@@ -2,7 +2,7 @@
 
 
 class GpsearchError(ValueError):
-    """Bad input, or a run that cannot start, resume or be exported. The message says what, where and what to do."""
+    """Bad input, or a run that cannot start, resume or be exported. The message says what, where, what to do."""
 
 
 class StoreError(GpsearchError):
