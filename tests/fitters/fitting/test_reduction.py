@@ -98,7 +98,7 @@ def _two_halves():
 
 def test_a_material_alone_has_its_own_targets_on_the_same_cells(problem):
     alone = problem.of_material(1)
-    assert alone.materials == ("other",)
+    assert alone.names == ("other",)
     for whole, part in zip(
         (problem.full, problem.fine, problem.sample), (alone.full, alone.fine, alone.sample), strict=True
     ):
