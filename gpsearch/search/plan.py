@@ -9,8 +9,7 @@ from fitters.expressions import to_text
 from fitters.expressions.catalogue import formula
 from fitters.fitting import Candidate, Fit, FitJob, FitProblem, FitSettings, ProblemRecipe, build_problem, screen
 from gpsearch.configuration import Configuration
-from gpsearch.evolution.island import Breeding
-from gpsearch.evolution.seeds import cells_seed
+from gpsearch.evolution.island import Breeding, cells_seed
 from gpsearch.genomes import Mutation, codebank
 from workers import Recipe
 
@@ -83,7 +82,7 @@ def plan(configuration: Configuration) -> Plan:
     """The plan of a configuration."""
     search, fit = configuration.search, configuration.fit
     mutation = Mutation(
-        codebank=codebank(configuration.codebank_expressions(), search.parameters),
+        codebank=codebank(search.codebank_expressions(), search.parameters),
         max_nodes=search.max_nodes,
         parameters=search.parameters,
         frequencies=(search.edits.swap, search.edits.insert, search.edits.replace, search.edits.delete),
@@ -94,7 +93,7 @@ def plan(configuration: Configuration) -> Plan:
         seed=configuration.seed,
         islands=search.islands,
         breeding=Breeding(
-            starts=tuple(to_text(expression) for expression in configuration.start_expressions()),
+            starts=tuple(to_text(expression) for expression in search.start_expressions()),
             size=search.island_size,
             tournament=search.tournament,
             mutation=mutation,

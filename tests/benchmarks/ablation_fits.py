@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fitters.engine import program
+from fitters.backends import program
 from fitters.expressions import parse
 from fitters.fitting import Candidate, FitProblem, refit
 from gpsearch.configuration import Configuration

@@ -14,14 +14,15 @@ from unittest.mock import patch
 
 import numpy as np
 
-from fitters.engine import prepared, program
+from fitters.backends import program
+from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
 from fitters.fitting import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
 from fitters.fitting.fit import Bounds, _prepared, _starts, _stated
 from fitters.fitting.problem import Cells
-from fitters.judging.metrics import Metric
-from gpsearch.search import course
+from fitters.judging.metrics import Residual
+from gpsearch.search import island_search
 from gpsearch.search.memory import Memory
 
 fitting = sys.modules["fitters.fitting.fit"]
@@ -52,7 +53,7 @@ class Arm:
 @lru_cache(maxsize=256)
 def lower_without_split(expression: Expression) -> program.Program:
     """The program of an expression of which no parameter is solved in closed form."""
-    with patch.object(program, "split_linear", lambda graph, root: {None: root}):
+    with patch.object(program, "split_linear", lambda form, root: {None: root}):
         return program.lower.__wrapped__(expression)
 
 
@@ -74,7 +75,7 @@ def confirm_as_screened(fit_problem: FitProblem, task: ConfirmJob) -> Confirmed:
 def fit_as_the_paper(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     settings: FitSettings | None = None,
     near: object = None,
@@ -93,9 +94,9 @@ def fit_as_the_paper(
 
 
 WITHOUT_PROJECTION = (prepared, "lower", lower_without_split)
-WITHOUT_MEMORY = (Memory, "knows", lambda self, key, bar: key in self.fresh)
+WITHOUT_MEMORY = (Memory, "knows", lambda self, key, bar: key in self.new_fits)
 """Known is only what a generation that was broken off has fitted."""
-AS_SCREENED = (course, "confirm", confirm_as_screened)
+AS_SCREENED = (island_search, "confirm", confirm_as_screened)
 
 ARMS = {
     arm.name: arm

@@ -159,8 +159,8 @@ def run(
     meter = Meter(processes)
     with (
         tempfile.TemporaryDirectory() as folder,
-        open_executor(DaskSettings(scheduler=address)) as executor,
         meter.attached(),
+        open_executor(DaskSettings(scheduler=address)) as executor,
     ):
         store = MeteredStore.create(Path(folder) / "run", "")
         assert isinstance(store, MeteredStore)

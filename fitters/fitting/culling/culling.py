@@ -12,7 +12,7 @@ import numpy as np
 from fitters.expressions import Expression, parse, to_text
 from fitters.fitting import ConfirmJob, Description, DescriptionJob, FitJob, FitProblem, confirm, describe
 from fitters.fitting.culling.greedy import FREE, RECIPROCAL, Demands, Greedy, Stage, Step, contiguous
-from fitters.fitting.culling.tidying import substituted
+from fitters.fitting.culling.reductions import substituted
 from fitters.fitting.fit import Fit, refit
 from fitters.fitting.problem import Cells
 from fitters.judging.checks import Checks

@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.backends.double import Double
+from fitters.backends.program import lower
 from fitters.engine.coordinates import Coordinates
-from fitters.engine.double import Double
 from fitters.engine.prepared import linear_units
-from fitters.engine.program import lower
 from fitters.expressions import Expression
 from fitters.fitting.fit import Bounds, Fit
 from fitters.fitting.least_squares import LeastSquares, stepped
@@ -21,7 +21,7 @@ from fitters.fitting.polish import TargetSquares
 from fitters.fitting.problem import CHANNELS, Cells
 from fitters.fitting.sharing.sharing import SCOPES, Sharing
 from fitters.grid import Array
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 
 DESCENTS = 3
 """From the best of the starts."""
@@ -31,7 +31,7 @@ EXAMPLES = 6
 
 
 def tied_fit(
-    expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, sharing: Sharing, near: Fit
+    expression: Expression, cells: Cells, metric: Residual, bounds: Bounds, sharing: Sharing, near: Fit
 ) -> Fit:
     """The fit over the cells with parameters shared, by Gauss-Newton in float64 from a fit that shares less.
 

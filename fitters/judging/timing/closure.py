@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numba import carray, cfunc, from_dtype, njit, types
 
-from fitters.engine.math32 import address_as
+from fitters.backends.math32 import address_as
+from fitters.backends.scalar_code import ScalarCode
 from fitters.errors import FittersError
 from fitters.grid import Array
-from fitters.judging.timing.formula_code import FormulaCode
 from fitters.judging.timing.loop import call_each
 from fitters.models import FormulaModel, MeasuredTable, Model
 from fitters.models.directions import rows
@@ -52,7 +52,7 @@ class Closure:
 def closure(model: Model) -> Closure:
     """A model of any kind, compiled. Raises `FittersError` for a kind that has no scalar function."""
     if isinstance(model, FormulaModel):
-        code = FormulaCode.of(model.expression)
+        code = ScalarCode.of(model.expression)
         return _compiled(_formula(code.function()), (code.prepared(model.parameters),))
     if isinstance(model, TabulatedMicrofacet):
         return _compiled(_isotropic(model.tables, model.published), model.tables)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import sympy
 
+from fitters.backends.sympy_form import to_sympy
 from fitters.expressions import Expression, evaluate, parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.expressions.sympy_form import to_sympy
 from fitters.fitting import (
     ConfirmJob,
     DescriptionJob,
