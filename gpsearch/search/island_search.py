@@ -12,7 +12,7 @@ from typing import Any
 
 from fitters.expressions.canonical import Canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, confirm
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, survive
 from gpsearch.run import Generation, Known, Member, Quarantined, Screened, Store
 from gpsearch.search.memory import Memory, Parameters, SharedKnowledge, named

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fitters.fitting import FitJob, transfer
-from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
+from fitters.models import MODELS, MaterialTask, summarise
 from gpsearch.configuration.materials import material_name
 from gpsearch.run import Quarantined, Store, Transfer, listed_formulas
 from gpsearch.search.plan import Plan
@@ -33,13 +33,13 @@ def formula_jobs(plan: Plan, store: Store) -> dict[str, FitJob]:
     """The fits of the formulas in front.json: of the front by expression, of baselines by name."""
     front = {formula.expression: plan.job(formula.expression) for formula in listed_formulas(store)}
     fitted = store.baselines()
-    published = [name for name in plan.baselines if name in fitted and name not in TABULATED]
+    published = [name for name in plan.baselines if name in fitted and MODELS[name].together]
     return front | {name: plan.formula_job(name) for name in published}
 
 
 def _tables(plan: Plan, store: Store) -> list[str]:
     fitted = store.baselines()
-    return [name for name in plan.baselines if name in fitted and name in TABULATED]
+    return [name for name in plan.baselines if name in fitted and not MODELS[name].together]
 
 
 def _formulas(plan: Plan, store: Store, reference: str, jobs: Mapping[str, FitJob]) -> Lane:
@@ -55,10 +55,10 @@ def _formulas(plan: Plan, store: Store, reference: str, jobs: Mapping[str, FitJo
 
 def _table(plan: Plan, store: Store, reference: str, name: str) -> Lane:
     job = Job(
-        judge_baseline,
+        summarise,
         plan.tests[reference],
-        [BaselineJob(name, 0)],
-        # The label starts with the baseline's name: executors measure the time per item by it.
+        [MaterialTask(name, 0)],
+        # The label starts with the name: executors measure the time per item by it.
         f"{name} baseline of {material_name(reference)}",
         10.0,
     )

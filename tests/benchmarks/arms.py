@@ -18,9 +18,10 @@ from fitters.backends import program
 from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
-from fitters.fitting import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
-from fitters.fitting.fit import Bounds, _prepared, _starts, _stated
-from fitters.fitting.problem import Cells
+from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, refit, stages
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import _prepared, _starts, _stated
+from fitters.fitting.settings import Bounds
 from fitters.judging.metrics import Residual
 from gpsearch.search import island_search
 from gpsearch.search.memory import Memory
@@ -62,7 +63,7 @@ def prepare_without_coarse_part(expression: Expression, cells: Cells, bounds: Bo
     return _prepared(expression, replace(cells, coarse=None), bounds)
 
 
-def confirm_as_screened(fit_problem: FitProblem, task: ConfirmJob) -> Confirmed:
+def confirm_as_screened(fit_problem: Problem, task: ConfirmJob) -> Confirmed:
     """The screened parameters, judged on all cells."""
     started = time.perf_counter()
     assert task.near is not None

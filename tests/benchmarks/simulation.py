@@ -22,7 +22,7 @@ from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
 from fitters.fitting.fit import POOR
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 from gpsearch.run import Store
 from gpsearch.search import island_search
 from gpsearch.search.plan import Plan

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
-from fitters.fitting import Candidate, Fit, FitProblem, ProblemRecipe, build_problem
+from fitters.fitting import Candidate, Fit, Problem, ProblemRecipe
 from gpsearch.evolution.island import Island, Offspring
 from gpsearch.run import Generation, Member, Store
 from gpsearch.search.island_search import IslandSearch
@@ -83,7 +83,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         search.run()
         store.close()
     judged = [candidate for candidate in search.recorded if math.isfinite(candidate.bar)]
-    carried, stopped, ratio = _screened_in_turns(build_problem(recipe), planned, judged)
+    carried, stopped, ratio = _screened_in_turns(recipe.build(), planned, judged)
     given_up = [i for i, fit in enumerate(stopped) if not fit.finished]
     below = [i for i in given_up if carried[i].error < judged[i].bar]
     # What one island gives up may be what another carries through.
@@ -111,7 +111,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
 
 
 def _screened_in_turns(
-    problem: FitProblem, planned: Plan, candidates: Iterable[Candidate]
+    problem: Problem, planned: Plan, candidates: Iterable[Candidate]
 ) -> tuple[list[Fit], list[Fit], float]:
     """The fits without a bar, those with it, and the ratio of the times that these took."""
     fits: tuple[list[Fit], list[Fit]] = ([], [])
