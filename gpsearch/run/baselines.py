@@ -56,4 +56,4 @@ class TabulatedBaseline:
         return {name: METRICS[name].combine(np.array(errors)) for name, errors in self.errors.items()}
 
 
-Baseline = FormulaBaseline | TabulatedBaseline
+StoredBaseline = FormulaBaseline | TabulatedBaseline

@@ -14,7 +14,7 @@ from fitters.expressions.canonical import Canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, confirm
 from fitters.fitting.problem import CHANNELS
 from gpsearch.evolution.island import Island, advance, survive
-from gpsearch.run import Generation, Known, Member, Quarantined, Screened, Store
+from gpsearch.run import Generation, Known, Member, Quarantined, Screened, WritableStore
 from gpsearch.search.entrants import Entrant, entrants
 from gpsearch.search.memory import Memory, Parameters, Shared, named
 from gpsearch.search.plan import Plan
@@ -42,7 +42,7 @@ class Course:
     def __init__(
         self,
         plan: Plan,
-        store: Store,
+        store: WritableStore,
         island: Island,
         shared: Shared,
         *,

@@ -6,12 +6,12 @@ from typing import Any
 from fitters.fitting import ConfirmJob, Description, DescriptionJob, confirm, describe
 from fitters.fitting.culling import CullJob, cull
 from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
-from gpsearch.run import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
+from gpsearch.run import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline, WritableStore
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane
 
 
-def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
+def baseline_lanes(plan: Plan, store: WritableStore) -> tuple[int, list[Lane]]:
     """Lanes that fit and store the baselines that are not there yet, and how many tasks they have in all.
 
     Every tabulated one is a lane with a task per material, and is stored once its last material is judged.
@@ -24,7 +24,7 @@ def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
     return 2 * len(formulas) + plan.materials * len(tabulated), lanes
 
 
-def _formula(plan: Plan, store: Store, name: str) -> Lane:
+def _formula(plan: Plan, store: WritableStore, name: str) -> Lane:
     job = plan.formula_job(name)
     (confirmed,) = yield Job(confirm, plan.recipe, [ConfirmJob(job)], f"{name} baseline", 10.0)
     if _failed(store, name, [confirmed]):
@@ -36,7 +36,7 @@ def _formula(plan: Plan, store: Store, name: str) -> Lane:
             store.save_baseline(name, FormulaBaseline(description, confirmed.seconds))
 
 
-def _tabulated(plan: Plan, store: Store, name: str) -> Lane:
+def _tabulated(plan: Plan, store: WritableStore, name: str) -> Lane:
     jobs = [BaselineJob(name, material) for material in range(plan.materials)]
     # Each has a cost of its own, which its name begins with.
     judged = yield Job(judge_baseline, plan.recipe, jobs, f"{name} baseline", 10.0)
@@ -45,7 +45,7 @@ def _tabulated(plan: Plan, store: Store, name: str) -> Lane:
             store.save_baseline(name, TabulatedBaseline.of(name, judged))
 
 
-def _failed(store: Store, name: str, results: Sequence[Any]) -> bool:
+def _failed(store: WritableStore, name: str, results: Sequence[Any]) -> bool:
     """Whether a baseline could not be computed: it is quarantined, and tried again at the next launch."""
     failures = [result for result in results if isinstance(result, Failure)]
     if failures:
@@ -60,7 +60,7 @@ def unfinished(store: Store, members: Sequence[Member]) -> list[Member]:
     return [m for m in members if m.expression not in described or culled.get(m.expression, m) is None]
 
 
-def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> tuple[int, list[Lane]]:
+def description_lanes(plan: Plan, store: WritableStore, members: Sequence[Member]) -> tuple[int, list[Lane]]:
     """Lanes that describe and cull members on all cells, and store each step, and how many steps they have in all.
 
     A member that cannot be described is quarantined: no export has it. One that cannot be culled is, too, and
@@ -71,7 +71,7 @@ def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> tu
     return steps, [_description(plan, store, m, described.get(m.expression)) for m in members]
 
 
-def _description(plan: Plan, store: Store, member: Member, description: Description | None) -> Lane:
+def _description(plan: Plan, store: WritableStore, member: Member, description: Description | None) -> Lane:
     """`description` is there where the member is only left to be culled."""
     job = plan.job(member.expression)
     if description is None:

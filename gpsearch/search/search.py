@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gpsearch.evolution.island import Island, migrate
-from gpsearch.run import Front, Generation, Member, Store
+from gpsearch.run import Front, Generation, Member, WritableStore
 from gpsearch.search.course import Course
 from gpsearch.search.plan import Plan
 from gpsearch.search.recollection import Recollection
@@ -52,7 +52,7 @@ class Watcher(Protocol):
 class Search:
     """One run on its way. `run` returns when a budget is used up; what is stored are always whole generations."""
 
-    def __init__(self, plan: Plan, store: Store, executor: Executor, watcher: Watcher) -> None:
+    def __init__(self, plan: Plan, store: WritableStore, executor: Executor, watcher: Watcher) -> None:
         self.plan, self.store, self.executor, self.watcher = plan, store, executor, watcher
         islands = store.islands() or self._settled()
         recollection = Recollection(store, store.migrations * plan.migrate_every)

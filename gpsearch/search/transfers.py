@@ -6,32 +6,41 @@ from typing import Any
 from fitters.fitting import FitJob, transfer
 from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
 from gpsearch.configuration.references import material_name
-from gpsearch.run import Quarantined, Store, Transfer, listed_formulas
+from gpsearch.run import Quarantined, Store, Transfer, WritableStore, listed_expressions
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane, Stopped
 
 
-def transfer_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
+def transfer_lanes(plan: Plan, store: WritableStore) -> tuple[int, list[Lane]]:
     """Lanes that fit what is missing to test materials, and how many fits they have in all.
 
     The lanes of a material follow each other, so that a process goes through one after the other and holds no
     more than one of them at a time.
     """
-    there = store.transfers().keys()
-    formulas, tables = formula_jobs(plan, store), _tables(plan, store)
     count, lanes = 0, []
-    for reference in plan.tests:
-        jobs = {model: job for model, job in formulas.items() if (model, reference) not in there}
-        names = [name for name in tables if (name, reference) not in there]
+    for reference, (jobs, names) in missing_transfers(plan, store).items():
         count += len(jobs) + len(names)
         lanes += [_formulas(plan, store, reference, jobs)] if jobs else []
         lanes += [_table(plan, store, reference, name) for name in names]
     return count, lanes
 
 
+def missing_transfers(plan: Plan, store: Store) -> dict[str, tuple[dict[str, FitJob], list[str]]]:
+    """The fits of formulas and the names of tables that are missing, by the reference of a test material."""
+    there = store.transfers().keys()
+    formulas, tables = formula_jobs(plan, store), _tables(plan, store)
+    missing = {}
+    for reference in plan.tests:
+        jobs = {model: job for model, job in formulas.items() if (model, reference) not in there}
+        names = [name for name in tables if (name, reference) not in there]
+        if jobs or names:
+            missing[reference] = jobs, names
+    return missing
+
+
 def formula_jobs(plan: Plan, store: Store) -> dict[str, FitJob]:
     """The fits of what front.json lists as formulas: by expression of what was found, by name of the baselines."""
-    found = {formula.expression: plan.job(formula.expression) for formula in listed_formulas(store)}
+    found = {expression: plan.job(expression) for expression in listed_expressions(store)}
     fitted = store.baselines()
     published = [name for name in plan.baselines if name in fitted and name not in TABULATED]
     return found | {name: plan.formula_job(name) for name in published}
@@ -42,7 +51,7 @@ def _tables(plan: Plan, store: Store) -> list[str]:
     return [name for name in plan.baselines if name in fitted and name in TABULATED]
 
 
-def _formulas(plan: Plan, store: Store, reference: str, jobs: Mapping[str, FitJob]) -> Lane:
+def _formulas(plan: Plan, store: WritableStore, reference: str, jobs: Mapping[str, FitJob]) -> Lane:
     job = Job(
         transfer,
         plan.tests[reference],
@@ -53,7 +62,7 @@ def _formulas(plan: Plan, store: Store, reference: str, jobs: Mapping[str, FitJo
     yield from _kept(store, reference, list(jobs), job, Transfer.of_formula)
 
 
-def _table(plan: Plan, store: Store, reference: str, name: str) -> Lane:
+def _table(plan: Plan, store: WritableStore, reference: str, name: str) -> Lane:
     job = Job(
         judge_baseline,
         plan.tests[reference],
@@ -65,7 +74,9 @@ def _table(plan: Plan, store: Store, reference: str, name: str) -> Lane:
     yield from _kept(store, reference, [name], job, lambda judged: Transfer.of_table(judged, plan.metric))
 
 
-def _kept(store: Store, reference: str, models: list[str], job: Job, read: Callable[[Any], Transfer]) -> Lane:
+def _kept(
+    store: WritableStore, reference: str, models: list[str], job: Job, read: Callable[[Any], Transfer]
+) -> Lane:
     """Runs the fits of models to a test material, and stores what there is of them also where they are stopped.
 
     What cannot be fitted is quarantined, and tried again at the next launch.
@@ -81,7 +92,11 @@ def _kept(store: Store, reference: str, models: list[str], job: Job, read: Calla
 
 
 def _save(
-    store: Store, reference: str, models: list[str], results: Mapping[int, Any], read: Callable[[Any], Transfer]
+    store: WritableStore,
+    reference: str,
+    models: list[str],
+    results: Mapping[int, Any],
+    read: Callable[[Any], Transfer],
 ) -> None:
     stage = f"transfer to {material_name(reference)}"
     with store.transaction():

@@ -11,7 +11,8 @@ from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Fit, FitProblem, ProblemRecipe, build_problem
 from gpsearch.evolution.island import Island
-from gpsearch.run import Generation, Member, Store
+from gpsearch.run import Generation, Member, WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search.course import Course
 from gpsearch.search.entrants import Entrant
 from gpsearch.search.plan import Plan
@@ -77,7 +78,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         early_stopping=True,
     )
     with tempfile.TemporaryDirectory() as folder:
-        store = Store.create(Path(folder) / "run", "")
+        store = WritableStore.create(RunLock(Path(folder) / "run"), "")
         search = RecordedSearch(planned, store, LocalExecutor(), Silent())
         search.run()
         store.close()
