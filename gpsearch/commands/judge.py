@@ -10,7 +10,7 @@ from rich.console import Console
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.judging.card import METRIC_NAMES
+from fitters.judging.metrics import CARD_METRICS
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel
 from fitters.models.baselines import KINDS, TABULATED
@@ -30,13 +30,6 @@ from gpsearch.judging.transfers import transfers, with_tests
 from gpsearch.pictures.card_sheet import card_sheet, number
 from gpsearch.run import Baseline
 from gpsearch.run.result import FOUND
-
-SHORT = {
-    "delta-e-2000": "dE 2000",
-    "delta-e-itp": "dE ITP",
-    "cosine-log": "cos-log",
-    "cosine-cube-root": "cos-cbrt",
-}
 
 
 @click.command()
@@ -194,10 +187,10 @@ def _print(judged: Sequence[CardsOfModel], asked: _Asked) -> None:
 def _print_table(judged: Sequence[CardsOfModel]) -> None:
     """A line per model, by PSNR: means over the materials, and the material that looks worst."""
     width = max(len(one.contender.entry.title) for one in judged)
-    columns = "".join(f"{SHORT.get(name, name):>10s}" for name in METRIC_NAMES)
+    columns = "".join(f"{metric.short:>10s}" for metric in CARD_METRICS.values())
     click.echo(f"{'':{width}s}{columns}  worst material (FLIP)")
     for one in sorted((one for one in judged if one.cards), key=lambda one: -one.mean("psnr")):
-        values = "".join(f"{number(one.mean(name)):>10s}" for name in METRIC_NAMES)
+        values = "".join(f"{number(one.mean(name)):>10s}" for name in CARD_METRICS)
         worst = one.worst_material("flip")
         region = one.cards[worst].worst
         where = (

@@ -4,14 +4,13 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.metrics import IMAGE_METRICS
 from gpsearch.judging.generality import COMPARED, ERROR, IMAGES, Scored
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.transfers import REFERENCES
 from gpsearch.run.result import FOUND
 
 SHORT = {"cook-torrance": "CT", "ggx": "GGX"}
-TITLES = {"l2": "image L2", "1-ssim": "1 - SSIM"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +43,6 @@ class Generality:
 
 def generality_json(found: Generality) -> dict[str, Any]:
     """Plain objects; what could not be fitted is null."""
-    images = {name: IMAGE_METRICS[name] for name in IMAGES}
     return {
         "run": found.run,
         "scene": {"name": found.scene.name, **asdict(found.scene.scene)},
@@ -53,7 +51,7 @@ def generality_json(found: Generality) -> dict[str, Any]:
         "test_materials": list(found.test),
         "metrics": {
             ERROR: {"unit": "", "better": "lower", "protocol": f"the {found.metric} metric over three channels"},
-            **{name: {"unit": m.unit, "better": m.better, "protocol": m.protocol} for name, m in images.items()},
+            **{name: IMAGE_METRICS[name].describe() for name in IMAGES},
         },
         "models": [_model_json(found, one) for one in found.models],
         "member": found.member and _member_json(found, found.member),
@@ -126,7 +124,7 @@ def _models_text(found: Generality) -> str:
         "below refitted CT (Cook-Torrance), GGX: 1 - new / reference on the test materials",
         "",
         f"{'':{width}s} nodes   {_centred(f'error ({found.metric})', 15)}"
-        + "".join(f"   {_centred(TITLES[name], 15)}" for name in ("l2", "1-ssim"))
+        + "".join(f"   {_centred(IMAGE_METRICS[name].label, 15)}" for name in ("l2", "1-ssim"))
         + "".join(f"   {_centred(f'below {SHORT[name]}', 20)}" for name in REFERENCES),
         f"{'':{width}s}      "
         + 3 * f"   {'train':>7s} {'test':>7s}"
@@ -154,7 +152,7 @@ def _member_text(found: Generality, member: Scored) -> str:
     """The figures side by side, as the paper has them."""
     figures, entry = ("l2", "1-ssim", ERROR), member.contender.entry
     width = 2 + max(map(len, (*found.train, *found.test, "training set")))
-    titles = {**TITLES, ERROR: f"error ({found.metric})"}
+    titles = {name: IMAGE_METRICS[name].label for name in IMAGES} | {ERROR: f"error ({found.metric})"}
     columns = " ".join(f"{title:>7s}" for title in (*SHORT.values(), "new"))
     columns += "".join(f" {f'<{title}':>6s}" for title in SHORT.values())
     lines = [

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from fitters import expressions
 from fitters.expressions.catalogue import formula as published_formula
-from fitters.fitting import METRICS, Description
+from fitters.fitting import RESIDUALS, Description
 from fitters.fitting.culling import Culled
 from gpsearch import __version__
 from gpsearch.configuration import Configuration, parse_configuration
@@ -199,7 +199,7 @@ def fit_on_tests(
     if not fits:
         return None
     there = {name: fit for name, fit in fits.items() if fit is not None}
-    metrics = combined(list(there.values())) if len(there) == len(fits) else dict.fromkeys(METRICS, math.inf)
+    metrics = combined(list(there.values())) if len(there) == len(fits) else dict.fromkeys(RESIDUALS, math.inf)
     return FitOnTests(
         error=finite_or_none(metrics[metric]),
         errors={name: _channels(fit.errors) if fit else (None, None, None) for name, fit in fits.items()},

@@ -87,7 +87,8 @@ def test_a_second_launcher_is_refused_by_the_name_of_the_first(tmp_path):
         for _ in range(2):
             assert refusal(tmp_path / "run") == (
                 f"{tmp_path / 'run'}: another gpsearch writes to this run (process {process.pid} on "
-                f"{socket.gethostname()} since {started}); wait for it or stop it, or name another directory with --run"
+                f"{socket.gethostname()} since {started}); wait for it or stop it, or name another directory "
+                "with --run"
             )
 
 
