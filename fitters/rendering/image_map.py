@@ -4,6 +4,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from fitters import cache, compiled
 from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array, cell_directions
 from fitters.materials import Material
-from fitters.models import Model
 from fitters.rendering.kernel import AZIMUTHS, BLOCK, SPREAD, STEPS, pixel_rows
 from fitters.rendering.picture import Picture
 from fitters.rendering.shared_exponent import STEPS as MANTISSA_STEPS
@@ -23,6 +23,9 @@ from fitters.scenes.geometry import Geometry
 from fitters.scenes.lights import load_light
 from fitters.scenes.pyramid import pyramid
 from fitters.scenes.scene import Scene
+
+if TYPE_CHECKING:
+    from fitters.models import Model
 
 VERSION = 2
 """Part of the content hash: raise it whenever the same scene would give another map."""
@@ -86,7 +89,7 @@ class ImageMap:
         """The image with a measurement; cells that were not measured are black."""
         return self.picture(material.table.reshape(3, CELLS)[:, self.cells].T)
 
-    def of_model(self, model: Model, material: Material) -> Picture:
+    def of_model(self, model: "Model", material: Material) -> Picture:
         """The image with a model of a material; as the measurement, black where that has no value."""
         values = np.zeros((len(self.cells), 3))
         valid = material.valid.ravel()[self.cells]

@@ -11,9 +11,9 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fitters.errors import FittersError
-from fitters.fitting.problem import CHANNELS, lit_source
+from fitters.fitting import Problem, model_errors
+from fitters.grid import CHANNELS
 from fitters.materials import Material, load_material
-from fitters.models.baselines import judge_at
 from fitters.stability.case import Base, Case, metal, undisturbed
 from fitters.stability.hazards import HAZARDS
 from fitters.stability.methods import METHODS, Found
@@ -129,7 +129,7 @@ def failed(trial: Trial, reason: str) -> Outcome:
 def errors_against(material: Material, case: Case, found: Found) -> dict[str, float]:
     """The errors by metric against a material in every lit cell that is valid there."""
     with np.errstate(all="ignore"):
-        by_metric = judge_at(lit_source([material], case.light), 0, found.model)
+        by_metric = model_errors(Problem([material], case.light), 0, found.model)
     return {name: _finite(math.sqrt(float(np.mean(np.square(by_metric[name]))))) for name in JUDGED}
 
 

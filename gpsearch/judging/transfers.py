@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from fitters.fitting import FitProblem, build_problem, transfer
-from fitters.models.baselines import BaselineJob, judge_baseline
+from fitters.fitting import Problem, transfer
+from fitters.models import MaterialTask, summarise
 from gpsearch.configuration import Configuration
 from gpsearch.judging.materials import NamedMaterial
 from gpsearch.run import Baseline, Formula, FormulaBaseline, Result, Transfer
@@ -31,7 +31,7 @@ def with_references(result: Result, configuration: Configuration) -> Result:
     missing = [name for name in REFERENCES if name not in {baseline.name for baseline in result.baselines}]
     if not missing:
         return result
-    problem, planned = build_problem(problem_recipe(configuration)), plan(configuration)
+    problem, planned = problem_recipe(configuration).build(), plan(configuration)
     added = []
     for name in missing:
         baseline = FormulaBaseline(transfer(problem, planned.formula_job(name)), 0.0)
@@ -45,14 +45,14 @@ def transfers(
     """The fits of entries to materials, one problem after the other."""
     recipe, planned = problem_recipe(configuration), plan(configuration)
     for material in materials:
-        problem = build_problem(recipe.of(material.reference))
+        problem = recipe.of(material.reference).build()
         for entry in entries:
             yield (stored_name(entry), material.name), _transfer(entry, problem, planned)
 
 
-def _transfer(entry: Formula | Baseline, problem: FitProblem, planned: Plan) -> Transfer:
+def _transfer(entry: Formula | Baseline, problem: Problem, planned: Plan) -> Transfer:
     if entry.expression is None:
-        return Transfer.of_table(judge_baseline(problem, BaselineJob(entry.name, 0)), planned.metric)
+        return Transfer.of_table(summarise(problem, MaterialTask(entry.name, 0)), planned.metric)
     job = planned.job(entry.expression) if entry.kind == FOUND else planned.formula_job(entry.name)
     return Transfer.of_formula(transfer(problem, job))
 

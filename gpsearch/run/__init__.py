@@ -1,6 +1,6 @@
 """The run directory: the store of all that a search needs to go on, its lock, and the result of a run."""
 
-from gpsearch.run.baselines import FormulaBaseline, StoredBaseline, TabulatedBaseline
+from fitters.models import FormulaBaseline, TabulatedBaseline
 from gpsearch.run.front import Front, Member, Screened, non_dominated
 from gpsearch.run.known import Known
 from gpsearch.run.loading import listed_expressions, load_run, open_run, result_of
@@ -23,7 +23,6 @@ __all__ = [
     "RunInformation",
     "Screened",
     "Store",
-    "StoredBaseline",
     "TabulatedBaseline",
     "Transfer",
     "WritableStore",

@@ -11,9 +11,10 @@ from fitters import expressions
 from fitters.expressions.catalogue import formula as published_formula
 from fitters.fitting import RESIDUALS, Description
 from fitters.fitting.culling import Culled
+from fitters.models import Baseline as StoredBaseline
+from fitters.models import FormulaBaseline
 from gpsearch import __version__
 from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.run.baselines import FormulaBaseline, TabulatedBaseline
 from gpsearch.run.front import Member, non_dominated
 from gpsearch.run.result import (
     Baseline,
@@ -149,7 +150,7 @@ def _formula(
 
 def baseline_entry(
     name: str,
-    baseline: FormulaBaseline | TabulatedBaseline,
+    baseline: StoredBaseline,
     metric: str,
     materials: Sequence[str],
     tested: FitsOnTests = lambda model, symbols: None,

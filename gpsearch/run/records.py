@@ -8,11 +8,12 @@ from typing import Any, TypeVar
 from cattrs.gen import make_dict_unstructure_fn, override
 
 from fitters.fitting import Fit
+from fitters.models import Baseline as StoredBaseline
+from fitters.models import FormulaBaseline, TabulatedBaseline
 from gpsearch.evolution.island import Individual
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
 from gpsearch.genomes.genome import edit_json
-from gpsearch.run.baselines import FormulaBaseline, StoredBaseline, TabulatedBaseline
 from gpsearch.run.converter import json_converter
 from gpsearch.run.front import Member
 

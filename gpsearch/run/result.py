@@ -18,8 +18,7 @@ from fitters.errors import FittersError
 from fitters.expressions import parse
 from fitters.fitting.culling import Step
 from fitters.materials import Material, load_material
-from fitters.models import FormulaModel, Model
-from fitters.models.baselines import kept_baseline
+from fitters.models import FormulaModel, Model, material_fitter
 from fitters.scenes import Scene
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
@@ -302,7 +301,7 @@ def model_of(entry: Formula | Baseline, material: str | Material) -> Model:
     name = material if isinstance(material, str) else material.name
     if entry.expression is None:
         assert not isinstance(material, str)
-        return kept_baseline(entry.name, material).model
+        return material_fitter(entry.name).kept(material).model
     parameters = entry.parameters_on(name)
     if parameters is None:
         raise FittersError(f"{entry.name}: it could not be fitted to {name}")

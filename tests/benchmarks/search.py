@@ -10,7 +10,7 @@ import numpy as np
 from fitters.fitting import ProblemRecipe
 from gpsearch.run import Generation, WritableStore
 from gpsearch.run.lock import RunLock
-from gpsearch.search.search import Search, Standing
+from gpsearch.search.search import Search, SearchStatus
 from tests.benchmarks.runs import Silent, plan
 from tests.benchmarks.table import Cell, Table
 from workers import DaskSettings, open_executor
@@ -37,9 +37,9 @@ class Clock(Silent):
     def __init__(self) -> None:
         self.seconds: list[float] = []
 
-    def generation(self, standing: Standing) -> None:
+    def generation(self, status: SearchStatus) -> None:
         # An island may be ahead: the slowest one can bring several generations to their end at once.
-        self.seconds += [standing.seconds] * (standing.generation - len(self.seconds))
+        self.seconds += [status.seconds] * (status.generation - len(self.seconds))
 
 
 def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:

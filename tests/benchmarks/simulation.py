@@ -22,10 +22,10 @@ from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
 from fitters.fitting.fit import POOR
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 from gpsearch.run import WritableStore
 from gpsearch.run.lock import RunLock
-from gpsearch.search import course
+from gpsearch.search import island_search
 from gpsearch.search.plan import Plan
 from tests.benchmarks.metering import UndescribedSearch
 from tests.benchmarks.runs import Silent
@@ -191,5 +191,5 @@ class SimulatedPlan(Plan):
 @contextmanager
 def simulated() -> Iterator[None]:
     """Within it, no search of this process fits what it confirms."""
-    with patch.object(course, "confirm", confirm):
+    with patch.object(island_search, "confirm", confirm):
         yield

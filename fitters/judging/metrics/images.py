@@ -147,7 +147,7 @@ _LINEAR = "linear RGB, no exposure, foreground pixels only"
 _DISPLAYED = f"displayed sRGB ({display.PROTOCOL})"
 _BORDER = "windows at the silhouette see black background"
 
-METRICS = (
+METRICS: tuple[Metric, ...] = (
     ImageMetric(
         "l2",
         "image",
