@@ -17,7 +17,7 @@ from fitters.grid import CELLS, above_horizon
 from fitters.judging.metrics import RESIDUALS, length
 from fitters.materials import Material
 from fitters.scenes import LightTable
-from fitters.scenes.uniform import uniform_light
+from fitters.scenes.table import uniform_light
 
 SHARES = (0.99, 0.999, 0.9999)
 """Of the measurement as the scene shows it, in squares, the mean over targets."""

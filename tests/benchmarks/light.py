@@ -23,7 +23,7 @@ from fitters.judging.metrics import METRICS, Compared
 from fitters.materials import Material, load_material
 from fitters.models import Model, fitter_of, material_fitter
 from fitters.rendering import ImageMap, Picture, image_map
-from fitters.rendering.image_map import mapped
+from fitters.rendering.maps import mapped
 from fitters.scenes import EnvironmentMap, LightTable, Scene, light_table, load_light
 from fitters.scenes.geometry import sphere
 from fitters.scenes.sphere import sphere_light

@@ -10,7 +10,7 @@ from fitters.fitting.reduction import SHARES, carriers, prices, reduction
 from fitters.grid import SHAPE, cell_index, half_diff
 from fitters.materials.material import from_samples
 from fitters.scenes import LightTable
-from fitters.scenes.uniform import uniform_light
+from fitters.scenes.table import uniform_light
 from tests.fitters.fitting.conftest import LIT, ggx
 
 
