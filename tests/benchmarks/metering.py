@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import psutil
 
-from gpsearch.run import Store
+from gpsearch.run import WritableStore
 from gpsearch.search import island_search
 from gpsearch.search.search import Search, SearchStatus
 from tests.benchmarks.runs import Silent
@@ -127,7 +127,7 @@ class MeteredExecutor:
         return done
 
 
-class MeteredStore(Store):
+class MeteredStore(WritableStore):
     """A store whose transactions count as storing."""
 
     meter: Meter
