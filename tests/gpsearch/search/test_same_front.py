@@ -11,7 +11,7 @@ from tests.gpsearch.small import gpsearch, gpsearch_process, small_text, without
 from tests.workers.cluster import real_cluster
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_front_is_the_same_in_one_process_and_on_two_workers_of_a_scheduler(tmp_path):
     """The front, culled, and all baselines that a run has by default."""
     baselines = list(DEFAULT_BASELINES)
