@@ -15,7 +15,7 @@ from fitters.engine.program import lower
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import build_problem, fit
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import RESIDUALS
 from gpsearch.run import Store
 from gpsearch.search.plan import problem_recipe
 from tests.benchmarks import ablation_fits
@@ -102,7 +102,7 @@ def test_the_paper_s_fit_of_a_constant_is_the_least_squares_one(problem):
     """Of || w (p - m) || / s, over p: the error is the part of w m that w does not explain."""
     cells = problem.full
     with substituted(ARMS["paper"]):
-        found = fit_as_the_paper(parse("p0"), cells, METRICS["light"], WIDE)
+        found = fit_as_the_paper(parse("p0"), cells, RESIDUALS["light"], WIDE)
     assert found.evaluations > 3 * len(cells.targets)
     for target, (w, wy) in enumerate(zip(cells.weights.astype(float), cells.targets.astype(float), strict=True)):
         least = w @ wy / (w @ w)

@@ -16,10 +16,10 @@ from fitters.fitting.stages import (
     screen,
 )
 from fitters.fitting.transfer import transfer
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import RESIDUALS
 
 __all__ = [
-    "METRICS",
+    "RESIDUALS",
     "Candidate",
     "ConfirmJob",
     "Confirmed",

@@ -11,7 +11,7 @@ from fitters.expressions.evaluation import evaluate_features, parameter_free
 from fitters.fitting.fit import Fit
 from fitters.fitting.problem import CHANNELS, FitProblem, weighted_target
 from fitters.grid import Array
-from fitters.judging.metrics import METRICS, Metric, length
+from fitters.judging.metrics import RESIDUALS, Residual, length
 
 BLOCK = 1 << 15
 """Cells that are evaluated at a time."""
@@ -29,13 +29,13 @@ class ExactErrors:
 
 def exact_errors(expression: Expression, problem: FitProblem, found: Fit) -> ExactErrors:
     """The errors of a fit over all cells of a problem, by every metric, evaluated in float64 with NumPy."""
-    errors = {name: np.empty(len(problem.targets)) for name in METRICS}
+    errors = {name: np.empty(len(problem.targets)) for name in RESIDUALS}
     minimum = np.inf
     for first in range(0, len(problem.targets), len(CHANNELS)):
         of_material = range(first, first + len(CHANNELS))
         for target, values in zip(of_material, _values(expression, problem, found, of_material), strict=True):
             minimum = min(minimum, float(values.min()))
-            for name, metric in METRICS.items():
+            for name, metric in RESIDUALS.items():
                 weights, targets = _rows(problem, metric, target)
                 with np.errstate(all="ignore"):
                     error = length(weights * values - targets)
@@ -56,7 +56,7 @@ def _values(expression: Expression, problem: FitProblem, found: Fit, targets: Se
     return values
 
 
-def _rows(problem: FitProblem, metric: Metric, target: int) -> tuple[Array, Array]:
+def _rows(problem: FitProblem, metric: Residual, target: int) -> tuple[Array, Array]:
     """Weights and weighted values (n,) of a target; what the problem does not hold is made for the moment."""
     if metric is problem.metric:
         return problem.full.weights[target], problem.full.targets[target]

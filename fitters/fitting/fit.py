@@ -17,7 +17,7 @@ from fitters.errors import FittersError
 from fitters.expressions import Expression, to_text
 from fitters.fitting.problem import Cells
 from fitters.grid import Array
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 
 Bounds = Mapping[str, tuple[float, float]]
 """Closed interval per parameter, `p0`..; a positive lower bound makes a simplex search its logarithm."""
@@ -106,7 +106,7 @@ class Fit:
 def fit(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     settings: FitSettings | None = None,
     near: Columns | None = None,
@@ -138,7 +138,7 @@ def fit(
 def refit(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     near: Columns,
     settings: FitSettings,
@@ -163,7 +163,7 @@ def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
     return Prepared(expression, cells.features, cells.weights, cells.targets, bounds, coarse, cells.units)
 
 
-def _stated(problem: Prepared, metric: Metric, found: Optima) -> Fit:
+def _stated(problem: Prepared, metric: Residual, found: Optima) -> Fit:
     """Optima in the expression's own parameters."""
     parameters = problem.parameters(found)
     values = np.stack(list(parameters.values()), axis=1) if parameters else np.empty((len(found.value), 0))

@@ -20,13 +20,13 @@ from fitters.fitting.fit import Bounds, Fit
 from fitters.fitting.least_squares import LeastSquares
 from fitters.fitting.problem import Cells
 from fitters.grid import Array
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 
 DIFFERENCE = 1e-6
 """Step of a difference quotient, in the coordinates that a simplex searches."""
 
 
-def polish(expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, found: Fit) -> Fit:
+def polish(expression: Expression, cells: Cells, metric: Residual, bounds: Bounds, found: Fit) -> Fit:
     """The fit with every target's parameters improved on the cells, within the bounds; never worse on them.
 
     Errors are those of the program in float64. A target without a finite fit stays as it is.

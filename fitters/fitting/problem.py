@@ -13,7 +13,7 @@ from fitters import cache
 from fitters.errors import FittersError
 from fitters.expressions.evaluation import features
 from fitters.grid import Array, cell_directions
-from fitters.judging.metrics import METRICS, Metric
+from fitters.judging.metrics import RESIDUALS, Residual
 from fitters.materials import Material
 from fitters.scenes import LightTable
 
@@ -126,7 +126,7 @@ class FitProblem:
     """
 
     source: "Source"
-    metric: Metric
+    metric: Residual
     full: Cells
     fine: Cells
     sample: Cells
@@ -156,10 +156,10 @@ def fit_problem(
     `sample_cells` and `fine_cells` cells are drawn with `seed`; where there are fewer, a sample is all.
     """
     source = lit_source(materials, light)
-    full = full_cells(source, METRICS[metric])
+    full = full_cells(source, RESIDUALS[metric])
     key = cache.digest(metric, sample_cells, fine_cells, seed, light.sha256, *(m.sha256 for m in materials))
     fine, coarse = sample(full, fine_cells, seed), sample(full, sample_cells, seed)
-    return FitProblem(source, METRICS[metric], full, fine, coarse, key)
+    return FitProblem(source, RESIDUALS[metric], full, fine, coarse, key)
 
 
 def of_material(problem: FitProblem, material: int) -> FitProblem:
@@ -186,7 +186,7 @@ def lit_source(materials: Sequence[Material], light: LightTable) -> Source:
     return Source(tuple(materials), light, index)
 
 
-def full_cells(source: Source, metric: Metric) -> Cells:
+def full_cells(source: Source, metric: Residual) -> Cells:
     """All cells of a source, weighted for a metric."""
     count = len(CHANNELS) * len(source.materials)
     weights = np.empty((count, len(source.index)), np.float32)
@@ -211,17 +211,15 @@ def _units(source: Source) -> Array | None:
     return None if np.all(units == 1.0) else units
 
 
-def weighted_target(source: Source, metric: Metric, target: int) -> tuple[Array, Array]:
+def weighted_target(source: Source, metric: Residual, target: int) -> tuple[Array, Array]:
     """Weights (n,) of one target over all cells, 0 where it is not valid, and weights times measured values."""
     material, channel = source.materials[target // len(CHANNELS)], target % len(CHANNELS)
     valid = material.valid.ravel()[source.index]
     at = source.index[valid]
     light = source.light.table[channel].ravel()[at].astype(np.float64)
     measured = material.table[channel].ravel()[at].astype(np.float64)
-    w = metric.weights(light, measured)
-    w = w / metric.scale(w, measured)
     weights, targets = np.zeros(len(source.index)), np.zeros(len(source.index))
-    weights[valid], targets[valid] = w, w * measured
+    weights[valid], targets[valid] = metric.weighted(light, measured)
     return weights, targets
 
 

@@ -12,7 +12,7 @@ from fitters.fitting.fit import Bounds, Fit, FitSettings, fit
 from fitters.fitting.polish import polish
 from fitters.fitting.problem import Cells, FitProblem, full_cells, lit_source, mean_share, sample
 from fitters.grid import CELLS, above_horizon
-from fitters.judging.metrics import METRICS, length
+from fitters.judging.metrics import RESIDUALS, length
 from fitters.materials import Material
 from fitters.scenes import LightTable
 from fitters.scenes.uniform import uniform_light
@@ -92,7 +92,7 @@ def prices(
     found:  where its fits begin
     turned: the scene's light, turned
     """
-    metric, materials, count = METRICS["light"], problem.source.materials, len(problem.fine)
+    metric, materials, count = RESIDUALS["light"], problem.source.materials, len(problem.fine)
     few = problem.full.only(carriers(problem.full, SHARES[0]))
     measured = full_cells(lit_source(materials, uniform_light()), metric)
     fine = sample(measured, count, 0)
@@ -123,7 +123,7 @@ def _error(expression: Expression, found: Fit, cells: Cells) -> float:
         values = evaluate_features(expression, found.parameters(target), cells.features, constant)
         with np.errstate(all="ignore"):
             errors.append(length(weights * values - targets) / (length(targets) or length(weights) or 1.0))
-    error = METRICS["light"].combine(np.array(errors))
+    error = RESIDUALS["light"].combine(np.array(errors))
     return error if np.isfinite(error) else float("inf")
 
 

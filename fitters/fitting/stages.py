@@ -16,7 +16,7 @@ from fitters.fitting.polish import polish
 from fitters.fitting.problem import FitProblem
 from fitters.fitting.warnings import warnings_of
 from fitters.judging.checks import Checks, check
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import RESIDUALS
 
 PROBE_EVALUATIONS = 10
 """Per searched parameter, of the descent that decides whether a candidate is fitted thoroughly."""
@@ -131,7 +131,7 @@ def describe(problem: FitProblem, task: DescriptionJob) -> Description:
     found = replace(found, errors=errors, error=problem.metric.combine(errors))
     return Description(
         fit=found,
-        metrics={name: METRICS[name].combine(values) for name, values in exact.by_metric.items()},
+        metrics={name: RESIDUALS[name].combine(values) for name, values in exact.by_metric.items()},
         checks=check(expression, found, exact.minimum),
         cost_ns=cost_ns(expression),
         warnings=warnings_of(expression, problem, job.intervals, job.settings, found),

@@ -8,8 +8,7 @@ from scipy.ndimage import gaussian_filter
 
 from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array, cell_directions
-from fitters.judging.image_metrics import IMAGE_METRICS
-from fitters.judging.table_metrics import TABLE_METRICS, table_errors
+from fitters.judging.metrics import CARD_METRICS, IMAGE_METRICS, Compared
 from fitters.materials import Material
 from fitters.models import Model
 from fitters.rendering.image_map import ImageMap
@@ -17,15 +16,10 @@ from fitters.rendering.picture import Picture
 from fitters.scenes import LightTable
 
 WORST_BY = "flip"
-"""The metric whose map says where a picture is worst: it is made for that."""
+"""The metric whose error map says where a picture is worst."""
 
 REGION = 1 / 24
 """Standard deviation of the Gaussian that a region is, as a share of the image's height."""
-
-HIGHER_IS_BETTER = tuple(name for name, metric in IMAGE_METRICS.items() if metric.better == "higher")
-
-METRIC_NAMES = (*IMAGE_METRICS, *TABLE_METRICS)
-"""All that a card says, the image first."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +38,7 @@ class Region:
 
 @dataclass(frozen=True)
 class Card:
-    """What `METRIC_NAMES` say of a model of one material; an infinite PSNR is one of equal pictures.
+    """The values of `CARD_METRICS` for a model of one material; the PSNR of equal pictures is infinite.
 
     `unmeasured` is `Judge.unmeasured`.
     """
@@ -79,11 +73,10 @@ class Judge:
         """
         values = model_values(model, self.material)
         picture = self.image.picture(values[:, self.image.cells].T)
-        compared = {name: metric.compare(self.truth, picture) for name, metric in IMAGE_METRICS.items()}
-        errors = table_errors(self.material, self.light, values.reshape(3, *SHAPE))
-        metrics = {name: comparison.value for name, comparison in compared.items()}
-        metrics |= {name: float(np.sqrt(np.mean(np.square(three)))) for name, three in errors.items()}
-        errors_seen = compared[WORST_BY].per_pixel
+        compared = Compared(self.material, self.light, values.reshape(3, *SHAPE), self.truth, picture)
+        comparisons = {name: metric.measure(compared) for name, metric in CARD_METRICS.items()}
+        metrics = {name: comparison.value for name, comparison in comparisons.items()}
+        errors_seen = comparisons[WORST_BY].per_pixel
         assert errors_seen is not None
         worst = self._worst(errors_seen, picture)
         return Card(metrics, worst, self.unmeasured), picture

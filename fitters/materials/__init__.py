@@ -1,12 +1,13 @@
-"""Measured materials: MERL and RGL files and a few built-in ones, all as tables on one grid; UTIA files apart."""
+"""Measured materials: a registry of file formats and a few built-in ones, as tables on one grid."""
 
-from fitters.materials.loading import is_anisotropic, load_anisotropic, load_material
+from fitters.materials.formats import FORMATS, is_anisotropic, load_anisotropic, load_material
 from fitters.materials.material import Material
 from fitters.materials.summary import MaterialSummary, summarise
 from fitters.materials.synthetic import builtin_names
 from fitters.materials.utia import AnisotropicMaterial
 
 __all__ = [
+    "FORMATS",
     "AnisotropicMaterial",
     "Material",
     "MaterialSummary",

@@ -1,13 +1,22 @@
-"""A material file's content, read with errors that tell a user what to do."""
+"""What a material file and a file format are; files are read with errors that tell a user what to do."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from fitters.errors import FittersError
+from fitters.materials.material import Material
+
+if TYPE_CHECKING:
+    from fitters.materials.utia import AnisotropicMaterial
 
 MAX_BYTES = 1 << 28
+
+HEAD_BYTES = 64
+"""The first bytes of a file, by which a format is recognised."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +31,24 @@ class MaterialFile:
     def sha256(self) -> str:
         """Hexadecimal hash of the content."""
         return hashlib.sha256(self.content).hexdigest()
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format of measurements.
+
+    name:        what messages call it
+    suffix:      the end of its files' names, in small letters
+    anisotropic: whether its files hold anisotropic measurements
+    recognises:  whether a file can be of this format, by its first `HEAD_BYTES` bytes and its size in bytes
+    load:        the material in a file; raises `FittersError` that names the file and says what to do
+    """
+
+    name: str
+    suffix: str
+    recognises: Callable[[bytes, int], bool]
+    load: "Callable[[MaterialFile], Material | AnisotropicMaterial]"
+    anisotropic: bool = False
 
 
 def read_file(path: Path) -> MaterialFile:

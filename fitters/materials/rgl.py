@@ -17,7 +17,7 @@ from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array, above_horizon, cell_directions
 from fitters.materials import tensor_file
 from fitters.materials.material import Material, from_samples
-from fitters.materials.material_file import MaterialFile, read_file
+from fitters.materials.material_file import Format, MaterialFile, read_file
 from fitters.materials.warp import Place, Warp, between_nodes, bilinear, trilinear
 
 RESAMPLE_VERSION = 1
@@ -192,3 +192,6 @@ def _spherical(w: Array) -> tuple[Array, Array]:
 
 def _chunks(indices: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     return [indices[start : start + CHUNK] for start in range(0, len(indices), CHUNK)]
+
+
+FORMAT = Format("RGL", ".bsdf", lambda head, size: head.startswith(tensor_file.MAGIC), load)

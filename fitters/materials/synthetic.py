@@ -32,7 +32,7 @@ class Lobe:
 
 
 @dataclass(frozen=True)
-class Recipe:
+class BuiltIn:
     """Linear RGB: `specular` at normal incidence, `diffuse` and `sheen` albedos, `retro` a peak in sr^-1."""
 
     specular: RGB
@@ -44,21 +44,21 @@ class Recipe:
     retro_width: float = 0.3
 
 
-RECIPES: Mapping[str, Recipe] = {
-    "metal": Recipe((0.91, 0.60, 0.42), (Lobe(0.11, 2.0, 0.7), Lobe(0.30, 1.5, 0.3))),
-    "glossy-plastic": Recipe(
+BUILT_IN: Mapping[str, BuiltIn] = {
+    "metal": BuiltIn((0.91, 0.60, 0.42), (Lobe(0.11, 2.0, 0.7), Lobe(0.30, 1.5, 0.3))),
+    "glossy-plastic": BuiltIn(
         (0.045, 0.045, 0.045),
         (Lobe(0.06, 1.8, 0.85), Lobe(0.22, 1.4, 0.15)),
         diffuse=(0.05, 0.17, 0.42),
         diffuse_roughness=0.3,
     ),
-    "rough-plastic": Recipe(
+    "rough-plastic": BuiltIn(
         (0.04, 0.04, 0.04),
         (Lobe(0.32, 2.2, 0.8), Lobe(0.55, 1.6, 0.2)),
         diffuse=(0.46, 0.10, 0.07),
         diffuse_roughness=0.6,
     ),
-    "fabric": Recipe(
+    "fabric": BuiltIn(
         (0.03, 0.03, 0.03),
         (Lobe(0.75, 2.0, 1.0),),
         diffuse=(0.20, 0.11, 0.26),
@@ -71,47 +71,49 @@ RECIPES: Mapping[str, Recipe] = {
 
 def builtin_names() -> tuple[str, ...]:
     """The names that may follow `builtin:`."""
-    return tuple(RECIPES)
+    return tuple(BUILT_IN)
 
 
 def load(name: str) -> Material:
     """The built-in material called `name`; `FittersError` where there is none, with the nearest name."""
-    if name not in RECIPES:
-        near = difflib.get_close_matches(name, RECIPES, n=1, cutoff=0.3)
+    if name not in BUILT_IN:
+        near = difflib.get_close_matches(name, BUILT_IN, n=1, cutoff=0.3)
         hint = f" Did you mean {PREFIX}{near[0]}?" if near else ""
-        known = ", ".join(RECIPES)
+        known = ", ".join(BUILT_IN)
         raise FittersError(f"{PREFIX}{name} is no built-in material.{hint} There are {known}.")
     return _make(name)
 
 
 @lru_cache(maxsize=4)
 def _make(name: str) -> Material:
-    recipe = RECIPES[name]
-    key = cache.digest("built-in", VERSION, SEED, name, recipe)
+    built_in = BUILT_IN[name]
+    # The numbers after the word Recipe, which the noise of version 1 is seeded with.
+    numbers = repr(built_in).replace("BuiltIn(", "Recipe(", 1)
+    key = cache.digest("built-in", VERSION, SEED, name, numbers.encode())
     above = above_horizon().ravel()
     w_i, w_o = (w[above] for w in cell_directions())
     samples = np.full((3, CELLS), np.nan, np.float32)
-    samples[:, above] = brdf(recipe, w_i, w_o).T * _noise(key, w_i, w_o).T
+    samples[:, above] = brdf(built_in, w_i, w_o).T * _noise(key, w_i, w_o).T
     return from_samples(name, samples.reshape(3, *SHAPE), source="built-in", sha256=key)
 
 
-def brdf(recipe: Recipe, w_i: Array, w_o: Array) -> Array:
+def brdf(built_in: BuiltIn, w_i: Array, w_o: Array) -> Array:
     """The noise-free BRDF (n, 3) in sr^-1 for unit directions (n, 3) above the horizon."""
     half = w_i + w_o
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     cos_i, cos_o, cos_h, cos_d = w_i[:, 2], w_o[:, 2], half[:, 2], np.sum(w_i * half, axis=1)
     grazing = (1.0 - np.clip(cos_d, 0.0, 1.0)) ** 5
     specular = np.zeros(len(w_i))
-    for lobe in recipe.lobes:
+    for lobe in built_in.lobes:
         specular += lobe.share * _ndf(lobe, cos_h) * _visibility(lobe.alpha, cos_i, cos_o)
     theta_d = np.arccos(np.clip(cos_d, 0.0, 1.0))
-    retro = np.exp(-((theta_d / recipe.retro_width) ** 2)) * np.sqrt(cos_i * cos_o)
-    fresnel = np.asarray(recipe.specular) + (1.0 - np.asarray(recipe.specular)) * grazing[:, None]
+    retro = np.exp(-((theta_d / built_in.retro_width) ** 2)) * np.sqrt(cos_i * cos_o)
+    fresnel = np.asarray(built_in.specular) + (1.0 - np.asarray(built_in.specular)) * grazing[:, None]
     return (
         fresnel * specular[:, None]
-        + np.asarray(recipe.diffuse) * _diffuse(recipe.diffuse_roughness, cos_i, cos_o, cos_d)[:, None]
-        + np.asarray(recipe.sheen) * ((1.0 - cos_d) ** 3 / np.pi)[:, None]
-        + np.asarray(recipe.retro) * retro[:, None]
+        + np.asarray(built_in.diffuse) * _diffuse(built_in.diffuse_roughness, cos_i, cos_o, cos_d)[:, None]
+        + np.asarray(built_in.sheen) * ((1.0 - cos_d) ** 3 / np.pi)[:, None]
+        + np.asarray(built_in.retro) * retro[:, None]
     )
 
 

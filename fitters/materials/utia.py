@@ -15,7 +15,7 @@ from fitters import compiled
 from fitters.errors import FittersError
 from fitters.grid import Array
 from fitters.materials.material import RGB
-from fitters.materials.material_file import MaterialFile
+from fitters.materials.material_file import Format, MaterialFile
 
 ELEVATIONS, AZIMUTHS = 6, 48
 SHAPE = (3, ELEVATIONS, AZIMUTHS, ELEVATIONS, AZIMUTHS)
@@ -124,3 +124,7 @@ def _interpolate(table: Array, w_i: Array, w_o: Array, values: Array) -> None:
                     values[n, channel] += (
                         weight * table[channel, a + up_a, (c + up_c) % AZIMUTHS, b + up_b, (d + up_d) % AZIMUTHS]
                     )
+
+
+FORMAT = Format("UTIA", ".bin", lambda head, size: size == FILE_BYTES, load, anisotropic=True)
+"""Its files have no header: the size is what they are recognised by."""

@@ -10,7 +10,7 @@ from fitters.fitting.reduction import reduction
 from fitters.materials import load_material
 from fitters.scenes import LightTable, light_table
 from gpsearch.commands.progress import duration
-from gpsearch.configuration import Configuration, DaskExecutor
+from gpsearch.configuration import Configuration, DaskExecutorSection
 from gpsearch.evolution.island import Island, advance
 from gpsearch.search.plan import Plan, problem_recipe
 
@@ -72,7 +72,7 @@ def not_converged(table: LightTable) -> str:
 
 def _processes(configuration: Configuration) -> tuple[int, str]:
     executor = configuration.executor
-    if not isinstance(executor, DaskExecutor):
+    if not isinstance(executor, DaskExecutorSection):
         return 1, "this process"
     if executor.scheduler is not None:
         return 1, f"{executor.scheduler} (the times are for one worker process)"

@@ -7,7 +7,7 @@ from typing import get_args
 import click
 from click.core import ParameterSource
 
-from fitters.fitting import METRICS
+from fitters.fitting import RESIDUALS
 from fitters.materials import is_anisotropic
 from fitters.models.baselines import FACTORS, TABULATED
 from fitters.models.factors.fitting import Solver
@@ -41,7 +41,7 @@ Arrays of a saved file, red green blue last, f in sr^-1:
 @click.argument("model")
 @click.argument("materials", nargs=-1, required=True)
 @click.option("--light", default="studio", show_default=True, help="studio, overcast, or a .hdr or .exr map.")
-@click.option("--metric", type=click.Choice(list(METRICS)), default="light", show_default=True)
+@click.option("--metric", type=click.Choice(list(RESIDUALS)), default="light", show_default=True)
 @click.option(
     "--solver",
     type=click.Choice(get_args(Solver)),

@@ -7,11 +7,10 @@ from typing import Any
 import numpy as np
 
 from fitters.fitting.problem import lit_source
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import COSINE, RESIDUALS
 from fitters.materials import is_anisotropic, load_anisotropic, load_material
 from fitters.models.baselines import (
     ANISOTROPIC,
-    COSINE,
     Fitted,
     fit_baseline,
     judge_anisotropic,
@@ -32,8 +31,8 @@ def fit_tabulated(request: Request, solver: Solver | None) -> Outcome:
     source = lit_source([load_material(reference, base=Path.cwd()) for reference in request.materials], light)
     fits = {material.name: fit_baseline(request.model, material, solver=solver) for material in source.materials}
     judged = [judge_at(source, i, fitted.model) for i, fitted in enumerate(fits.values())]
-    by_metric = {metric: np.array([errors[metric] for errors in judged]) for metric in METRICS}
-    scores = {metric: METRICS[metric].combine(errors.ravel()) for metric, errors in by_metric.items()}
+    by_metric = {metric: np.array([errors[metric] for errors in judged]) for metric in RESIDUALS}
+    scores = {metric: RESIDUALS[metric].combine(errors.ravel()) for metric, errors in by_metric.items()}
     errors = dict(zip(fits, by_metric[request.metric].tolist(), strict=True))
     return _outcome(request, fits, errors, {"scene": request.light, "metric": request.metric}, scores)
 

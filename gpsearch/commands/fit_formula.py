@@ -22,7 +22,7 @@ from fitters.fitting import (
 from fitters.fitting.problem import CHANNELS
 from fitters.models.baselines import formula_model, unknown
 from gpsearch.commands.fit_outcome import Outcome, Request, channel_lines, named
-from gpsearch.configuration import FitSection, Search
+from gpsearch.configuration import FitSection, SearchSection
 from gpsearch.errors import GpsearchError
 
 Bounds = tuple[tuple[str, float, float], ...]
@@ -58,7 +58,7 @@ def _formula(model: str) -> tuple[Expression, Bounds]:
         if re.fullmatch(r"[A-Za-z][\w-]*", model):
             raise unknown(model) from None
         raise
-    low, high = Search().bounds
+    low, high = SearchSection().bounds
     return expression, tuple((name, low, high) for name in expression.parameters)
 
 

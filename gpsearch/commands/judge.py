@@ -10,7 +10,7 @@ from rich.console import Console
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.judging.card import METRIC_NAMES
+from fitters.judging.metrics import CARD_METRICS
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel
 from fitters.models.baselines import KINDS, TABULATED
@@ -29,13 +29,6 @@ from gpsearch.judging.materials import materials_of_run, named_material, require
 from gpsearch.judging.scenes import NamedScene, named_scene, scene_of
 from gpsearch.judging.transfers import entries_of, transfers, with_tests
 from gpsearch.pictures.card_sheet import card_sheet, number
-
-SHORT = {
-    "delta-e-2000": "dE 2000",
-    "delta-e-itp": "dE ITP",
-    "cosine-log": "cos-log",
-    "cosine-cube-root": "cos-cbrt",
-}
 
 
 @click.command()
@@ -188,10 +181,10 @@ def _print(found: Sequence[Judged], asked: _Asked) -> None:
 def _print_table(found: Sequence[Judged]) -> None:
     """A line per model, by PSNR: means over the materials, and the material that looks worst."""
     width = max(len(one.contender.title) for one in found)
-    columns = "".join(f"{SHORT.get(name, name):>10s}" for name in METRIC_NAMES)
+    columns = "".join(f"{metric.short:>10s}" for metric in CARD_METRICS.values())
     click.echo(f"{'':{width}s}{columns}  worst material (FLIP)")
     for one in sorted((one for one in found if one.cards), key=lambda one: -one.mean("psnr")):
-        values = "".join(f"{number(one.mean(name)):>10s}" for name in METRIC_NAMES)
+        values = "".join(f"{number(one.mean(name)):>10s}" for name in CARD_METRICS)
         worst = one.worst_material("flip")
         region = one.cards[worst].worst
         where = (

@@ -18,8 +18,8 @@ from gpsearch.commands.estimate import estimate, not_converged
 from gpsearch.commands.listing import list_models
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.signals import Terminated, terminable
-from gpsearch.configuration import Configuration, DaskExecutor, load_configuration, parse_configuration
-from gpsearch.configuration.references import resolve_path
+from gpsearch.configuration import Configuration, DaskExecutorSection, load_configuration, parse_configuration
+from gpsearch.configuration.files import resolve_path
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.exports import front_json
 from gpsearch.exports.front_json import to_text
@@ -183,13 +183,13 @@ def _leave(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def _is_remote(configuration: Configuration) -> bool:
-    return isinstance(configuration.executor, DaskExecutor) and configuration.executor.scheduler is not None
+    return isinstance(configuration.executor, DaskExecutorSection) and configuration.executor.scheduler is not None
 
 
 def executor_settings(configuration: Configuration) -> Settings:
     """What `workers` takes, of a configuration."""
     executor = configuration.executor
-    if isinstance(executor, DaskExecutor):
+    if isinstance(executor, DaskExecutorSection):
         tls = None
         if (files := executor.tls) is not None:
             tls = Tls(*(resolve_path(file, configuration.folder) for file in (files.ca, files.cert, files.key)))

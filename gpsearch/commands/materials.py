@@ -4,17 +4,20 @@ from dataclasses import asdict
 
 import click
 
-from fitters.materials import MaterialSummary, builtin_names, load_material, summarise
+from fitters.materials import FORMATS, MaterialSummary, builtin_names, load_material, summarise
 from gpsearch.commands.runs import json_option, print_json
 
+_KINDS = ", ".join(f"{form.name} {form.suffix}" for form in FORMATS if not form.anisotropic)
 
-@click.command()
+
+@click.command(
+    help=f"Prints what is in FILES: {_KINDS}, or builtin:NAME. Without FILES, the names of the built-in materials."
+)
 @click.argument("files", nargs=-1)
 @json_option
 def materials(files: tuple[str, ...], as_json: bool) -> None:
-    """Prints what is in FILES: MERL .binary, RGL .bsdf, or builtin:NAME. Without FILES, the built-in names."""
     if not files:
-        names = [f"builtin:{name.removeprefix('builtin:')}" for name in builtin_names()]
+        names = [f"builtin:{name}" for name in builtin_names()]
         print_json({"builtin": names}) if as_json else click.echo("\n".join(names))
         return
     summaries = [summarise(load_material(reference)) for reference in files]

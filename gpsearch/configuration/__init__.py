@@ -1,28 +1,27 @@
 """The configuration of a run: read from YAML, validated once, complete with every default."""
 
-from gpsearch.configuration.comparison import Difference
 from gpsearch.configuration.loading import load_configuration, parse_configuration
-from gpsearch.configuration.model import Configuration
+from gpsearch.configuration.model import Configuration, Difference
 from gpsearch.configuration.sections import (
-    Budget,
-    DaskExecutor,
-    EditFrequencies,
+    BudgetSection,
+    DaskExecutorSection,
+    EditsSection,
     FitSection,
-    LocalExecutor,
+    LocalExecutorSection,
     SceneSection,
-    Search,
+    SearchSection,
 )
 
 __all__ = [
-    "Budget",
+    "BudgetSection",
     "Configuration",
-    "DaskExecutor",
+    "DaskExecutorSection",
     "Difference",
-    "EditFrequencies",
+    "EditsSection",
     "FitSection",
-    "LocalExecutor",
+    "LocalExecutorSection",
     "SceneSection",
-    "Search",
+    "SearchSection",
     "load_configuration",
     "parse_configuration",
 ]

@@ -1,7 +1,7 @@
-"""A YAML text as plain mappings, lists and scalars that remember their lines.
+"""A YAML text as plain mappings, lists and scalars, with the line of each.
 
-The safe loader, made stricter: no alias (a few lines of them expand to gigabytes), no tag, no key twice, and no
-number that YAML 1.1 reads in another base.
+Stricter than PyYAML's safe loader: it refuses aliases (a few lines of them expand to gigabytes), tags, repeated
+keys, and numbers that YAML 1.1 reads in another base.
 """
 
 import re
@@ -13,11 +13,8 @@ import yaml
 from yaml.composer import ComposerError
 from yaml.reader import ReaderError
 
-from gpsearch.configuration.wording import plain, shown
+from gpsearch.configuration.wording import Place, Problem, plain, shown
 from gpsearch.errors import GpsearchError
-
-Place = tuple[str | int, ...]
-"""The way to a value: keys, and indices of lists."""
 
 MAX_DEPTH = 20
 MAX_VALUES = 10_000
@@ -28,31 +25,22 @@ _DECIMAL = re.compile(r"[-+]?(0|[1-9][0-9_]*)|[-+]?[0-9_]*\.[^:]*")
 
 
 @dataclass(frozen=True)
-class Problem:
-    """What is wrong with the value at a place."""
-
-    place: Place
-    line: int
-    text: str
-
-
-@dataclass(frozen=True)
 class Document:
-    """`tree` holds what `problems` does not refuse; `lines` the line, from 1, of every key and item."""
+    """`tree` holds the values without problems, `lines` the line, from 1, of every key and item."""
 
     tree: dict[str, Any]
     lines: Mapping[Place, int]
     problems: tuple[Problem, ...]
 
     def line(self, place: Place) -> int:
-        """The line of a place, or of the nearest one around it that is written down."""
+        """The line of a place; where the file does not have it, the line of what encloses it."""
         while place and place not in self.lines:
             place = place[:-1]
         return self.lines.get(place, 1)
 
 
 def read_document(text: str, source: str) -> Document:
-    """The document in a YAML text. Raises `GpsearchError`, naming `source` and line, for a text that is none."""
+    """The document in a YAML text. Raises `GpsearchError`, naming `source` and line, for other text."""
     try:
         loader = _Loader(text)
         root = loader.get_single_node()
@@ -64,7 +52,7 @@ def read_document(text: str, source: str) -> Document:
     except yaml.MarkedYAMLError as error:
         raise GpsearchError(f"{source}:{_syntax(error)}") from None
     except (ValueError, OverflowError) as error:
-        # PyYAML lets these through for an escape or a version that is out of range
+        # Of an escape or a version that is out of range: PyYAML does not turn these into its own errors
         raise GpsearchError(
             f"{source}: not valid YAML ({error}); look for an escape such as \\UFFFFFFFF"
         ) from None
@@ -80,7 +68,7 @@ def read_document(text: str, source: str) -> Document:
 
 
 class _Loader(yaml.SafeLoader):
-    """Composes nodes, and refuses aliases, tags, deep nesting and too many values before they cost anything."""
+    """Composes nodes. Refuses aliases, tags, deep nesting and too many values before it reads on."""
 
     depth = 0
     values = 0
@@ -106,7 +94,7 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Walk:
-    """From nodes to values, noting lines and collecting problems."""
+    """Turns nodes into values, records lines and collects problems."""
 
     def __init__(self, loader: _Loader) -> None:
         self.loader = loader
@@ -125,27 +113,27 @@ class _Walk:
         return self.value(node, place)
 
     def mapping(self, node: yaml.MappingNode, place: Place) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        mapping: dict[str, Any] = {}
         for key_node, value_node in node.value:
             key, line = self.key(key_node), key_node.start_mark.line + 1
             if key is None:
                 text = "a key is a text; quote it if it is meant to be one"
                 self.problems.append(Problem((*place, shown(key_node.value)), line, text))
-            elif key in found:
+            elif key in mapping:
                 first = self.lines[(*place, key)]
                 text = f"the key is there already, in line {first}; keep one of them"
                 self.problems.append(Problem((*place, key), line, text))
             else:
                 self.lines[(*place, key)] = line
-                found[key] = self.value(value_node, (*place, key))
-        return found
+                mapping[key] = self.value(value_node, (*place, key))
+        return mapping
 
     def key(self, node: yaml.Node) -> str | None:
         is_text = isinstance(node, yaml.ScalarNode) and node.tag == _TAG + "str" and _encodes(node.value)
         return node.value if is_text else None
 
     def scalar(self, node: yaml.Node, place: Place) -> Any:
-        """The value of a scalar; dates and the like stay texts, as no key of a configuration is one."""
+        """The value of a scalar. A date stays a text: no key of a configuration takes a date."""
         kind = node.tag.removeprefix(_TAG)
         if kind not in ("int", "float", "bool", "null"):
             return node.value if _encodes(node.value) else self.refuse(node, place, "holds half a character")
@@ -162,7 +150,7 @@ class _Walk:
 
 
 def _encodes(text: str) -> bool:
-    """Whether a text is free of lone surrogates, which the escape \\ud800 smuggles in."""
+    """Whether a text is free of lone surrogates, such as the escape \\ud800."""
     try:
         text.encode()
     except UnicodeEncodeError:

@@ -1,31 +1,36 @@
-"""Fields of the configuration model that say what they allow, in words that an error message can quote."""
+"""Fields of the configuration: each has a description of its allowed values, which error messages quote."""
 
 import math
 import re
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
 from pydantic_core import InitErrorDetails, PydanticCustomError, ValidationError
 
 from gpsearch.configuration.wording import listed, nearest, shown
 
 LARGEST = 2**63 - 1
-"""What SQLite stores in an integer column."""
+"""The largest integer that SQLite stores."""
 
 _EXPONENT = re.compile(r"[-+]?[0-9]+(\.[0-9]*)?[eE][-+]?[0-9]{1,3}")
 
 
 class Surroundings(NamedTuple):
-    """What relative paths count from, and whether the files they name are looked for."""
+    """The folder that relative paths count from, and whether the files must exist."""
 
     folder: Path
     check_files: bool
 
 
+def surroundings(info: ValidationInfo) -> Surroundings:
+    """By default, as for a configuration made by a program: the working folder, and files need not exist."""
+    return info.context or Surroundings(Path.cwd(), check_files=False)
+
+
 class Section(BaseModel):
-    """A mapping of known keys. One that is there but empty, all its lines commented out, holds its defaults."""
+    """A mapping of known keys. An empty one (null, all its lines commented out) holds its defaults."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
@@ -35,15 +40,18 @@ class Section(BaseModel):
         return {} if value is None else value
 
 
-SomeSection = TypeVar("SomeSection", bound=Section)
-
-
-def section(kind: type[SomeSection]) -> Any:
-    return Field(default_factory=kind, description=f"a mapping of the keys {listed(kind.model_fields)}")
+def section(kind: type[Section], *, nullable: bool = False) -> Any:
+    """A field for a section, whose default is the section's defaults, or null."""
+    words = f"a mapping of the keys {listed(kind.model_fields)}"
+    return (
+        Field(None, description=f"{words}, or null")
+        if nullable
+        else Field(default_factory=kind, description=words)
+    )
 
 
 def _number(value: Any) -> Any:
-    """Refuses `true`, which Python counts as 1, and reads `1e-6`, which YAML 1.1 takes for a text."""
+    """Refuses `true`, which Python counts as 1, and reads `1e-6`, which is a text in YAML 1.1."""
     if isinstance(value, bool):
         raise PydanticCustomError("number", "not a number")
     if isinstance(value, str) and _EXPONENT.fullmatch(value):
@@ -90,6 +98,6 @@ def one_of(names: Collection[str]) -> Callable[[str], str]:
 
 def refuse_at(index: int, value: Any, text: str) -> ValidationError:
     """The error of one item of a list, from a validator of the whole list."""
-    # Braces would be read as a template's
+    # A template, because pydantic would read braces of the text as one
     reason = PydanticCustomError("item", "{text}", {"text": text})
     return ValidationError.from_exception_data("list", [InitErrorDetails(type=reason, loc=(index,), input=value)])

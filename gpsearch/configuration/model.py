@@ -2,6 +2,8 @@
 
 import hashlib
 import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,28 +11,22 @@ from typing import Annotated, Any
 import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
-from fitters.expressions import Expression
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import METRICS
+from fitters.fitting import RESIDUALS
 from fitters.models.baselines import TABULATED
-from gpsearch.configuration.comparison import FINDS_THE_SAME, Difference, differences
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
-from gpsearch.configuration.references import (
-    check_material,
-    check_no_baseline_twice,
-    check_no_material_twice,
-    material_name,
-)
+from gpsearch.configuration.formulas import check_no_baseline_twice
+from gpsearch.configuration.materials import check_material, check_no_material_twice, material_name
 from gpsearch.configuration.sections import (
     MAX_ENTRIES,
-    Budget,
-    DaskExecutor,
+    BudgetSection,
+    DaskExecutorSection,
     FitSection,
-    LocalExecutor,
+    LocalExecutorSection,
     SceneSection,
-    Search,
+    SearchSection,
 )
-from gpsearch.configuration.wording import listed
+from gpsearch.configuration.wording import listed, shown
 
 BASELINES = (*CATALOGUE, *TABULATED)
 DEFAULT_BASELINES = (
@@ -43,6 +39,30 @@ DEFAULT_BASELINES = (
     "power-iterations",
 )
 
+NO_EFFECT_ON_RESULTS = frozenset({"executor", "test_materials"})
+"""Keys that change neither the front nor the baselines."""
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A key whose value differs in two configurations; None in a configuration that does not have it."""
+
+    key: str
+    here: Any
+    there: Any
+
+    def __str__(self) -> str:
+        return f"{self.key}: {shown(self.here)} instead of {shown(self.there)}"
+
+    @property
+    def extends(self) -> bool:
+        """Whether a run of `there` may resume with `here`: with a larger budget, elsewhere, other tests."""
+        if self.key.split(".")[0] in NO_EFFECT_ON_RESULTS:
+            return True
+        if not self.key.startswith("budget."):
+            return False
+        return self.here is None or (self.there is not None and self.here > self.there)
+
 
 Materials = Annotated[
     tuple[Annotated[str, AfterValidator(check_material)], ...], AfterValidator(check_no_material_twice)
@@ -51,14 +71,14 @@ Materials = Annotated[
 
 
 def _kind_alone(value: Any) -> Any:
-    """`local` and `dask` are short for a mapping of nothing but the kind."""
+    """`local` and `dask` are short for a mapping that has only the kind."""
     return {"kind": value} if isinstance(value, str) else value
 
 
 class Configuration(Section):
-    """All that decides what a run finds, where it runs, and what it is tested on.
+    """Everything that decides a run's results, where it runs, and the materials that it is tested on.
 
-    Frozen; equal where every key and `folder` are.
+    Frozen. Two configurations are equal if all keys and `folder` are.
     """
 
     name: str = Field(
@@ -77,15 +97,15 @@ class Configuration(Section):
         (), max_length=MAX_ENTRIES, description="a list of .binary or .bsdf files or builtin:NAME"
     )
     scene: SceneSection = section(SceneSection)
-    metric: Annotated[str, AfterValidator(one_of(METRICS))] = Field("light", description=listed(METRICS))
+    metric: Annotated[str, AfterValidator(one_of(RESIDUALS))] = Field("light", description=listed(RESIDUALS))
     executor: Annotated[
-        LocalExecutor | DaskExecutor, Field(discriminator="kind"), BeforeValidator(_kind_alone)
+        LocalExecutorSection | DaskExecutorSection, Field(discriminator="kind"), BeforeValidator(_kind_alone)
     ] = Field(
-        LocalExecutor(),
+        LocalExecutorSection(),
         description="local, dask, or {kind: dask, scheduler: tcp://host:8786, workers: 2, wait_seconds: 60}",
     )
-    budget: Budget = section(Budget)
-    search: Search = section(Search)
+    budget: BudgetSection = section(BudgetSection)
+    search: SearchSection = section(SearchSection)
     fit: FitSection = section(FitSection)
     culling: Number = number(0.01, low=0)
     baselines: Annotated[
@@ -100,16 +120,16 @@ class Configuration(Section):
 
     @property
     def folder(self) -> Path:
-        """What relative paths in it count from: where the file lies."""
+        """The folder of its file, from which its relative paths count."""
         return self._folder
 
     def text(self) -> str:
-        """YAML with every default filled in, keys in one order; it loads back to an equal configuration."""
+        """YAML with every key, defaults too, in a fixed order; it loads back to an equal configuration."""
         return self._yaml()
 
     def _yaml(self, exclude: frozenset[str] = frozenset()) -> str:
         content = self.model_dump(mode="json", exclude=set(exclude))
-        # YAML 1.1 counts these as line breaks, which a file's name may hold: then all but ASCII is escaped.
+        # YAML 1.1 reads these as line breaks. A file's name may have them: then only ASCII is written as it is.
         texts = json.dumps(content, ensure_ascii=False)
         breaks = any(character in texts for character in "\x85\u2028\u2029")
         return yaml.safe_dump(
@@ -118,33 +138,38 @@ class Configuration(Section):
 
     @cached_property
     def sha256(self) -> str:
-        """Of `text()` without the keys of `FINDS_THE_SAME`; in hexadecimal."""
-        return hashlib.sha256(self._yaml(exclude=FINDS_THE_SAME).encode()).hexdigest()
+        """SHA-256 of `text()` without the keys of `NO_EFFECT_ON_RESULTS`, in hexadecimal."""
+        return hashlib.sha256(self._yaml(exclude=NO_EFFECT_ON_RESULTS).encode()).hexdigest()
 
     @property
     def material_names(self) -> tuple[str, ...]:
-        """What the materials are called."""
+        """The names of the materials."""
         return tuple(map(material_name, self.materials))
 
     @property
     def test_material_names(self) -> tuple[str, ...]:
-        """What the test materials are called."""
+        """The names of the test materials."""
         return tuple(map(material_name, self.test_materials))
-
-    def start_expressions(self) -> tuple[Expression, ...]:
-        return self.search.start_expressions()
-
-    def codebank_expressions(self) -> tuple[Expression, ...]:
-        return self.search.codebank_expressions()
 
     def differences(self, other: "Configuration") -> list[Difference]:
         """Every key in which this configuration (`here`) and another (`there`) differ; lists are one value."""
-        return differences(self.model_dump(), other.model_dump())
+        here, there = dict(_leaves(self.model_dump())), dict(_leaves(other.model_dump()))
+        keys = dict.fromkeys([*here, *there])
+        pairs = ((key, here.get(key), there.get(key)) for key in keys)
+        return [Difference(*pair) for pair in pairs if pair[1] != pair[2]]
 
     def conflicts(self, other: "Configuration") -> list[Difference]:
-        """The differences because of which a run of `other` cannot go on under this configuration."""
+        """The differences because of which a run of `other` cannot resume with this configuration."""
         return [difference for difference in self.differences(other) if not difference.extends]
 
     def extends(self, other: "Configuration") -> bool:
-        """Whether a run of `other` may go on under this one: what it has found stays, see `Difference.extends`."""
+        """Whether a run of `other` may resume with this configuration and keep its results."""
         return not self.conflicts(other)
+
+
+def _leaves(tree: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tree.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(value, f"{prefix}{key}.")
+        else:
+            yield prefix + key, value

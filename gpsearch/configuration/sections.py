@@ -1,4 +1,4 @@
-"""The sections of a configuration. Defaults are those of the genBRDF paper's section 4, where it gives any."""
+"""The sections of a configuration. Defaults are from section 4 of the genBRDF paper where it has them."""
 
 import re
 from typing import Annotated, Any, Literal, Self
@@ -6,27 +6,24 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from fitters.expressions import Expression
-from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import FitSettings
 from fitters.scenes import Scene
 from fitters.scenes.scene import SPHERE
-from gpsearch.configuration.fields import Number, Section, Whole, number, section, whole
-from gpsearch.configuration.references import (
+from gpsearch.configuration.fields import Number, Section, Whole, number, section, surroundings, whole
+from gpsearch.configuration.files import check_geometry, check_light, pem_file
+from gpsearch.configuration.formulas import (
     ALL,
     GROUPS,
     MAX_NODES,
     check_codebank,
     check_formula,
-    check_geometry,
-    check_light,
-    pem_file,
+    resolve_codebank,
     resolve_formula,
-    surroundings,
 )
 from gpsearch.configuration.wording import listed, shown
 
 MAX_ENTRIES = 1000
-"""Of any list."""
+"""Entries of any list."""
 
 
 def _as_list(value: Any) -> Any:
@@ -34,7 +31,7 @@ def _as_list(value: Any) -> Any:
 
 
 class SceneSection(Section):
-    """What `fitters.scenes.Scene` takes."""
+    """The arguments of `fitters.scenes.Scene`."""
 
     light: Annotated[str, AfterValidator(check_light)] = Field(
         Scene.light, description="studio, overcast, or the path of a .hdr or .exr file"
@@ -61,18 +58,18 @@ class SceneSection(Section):
         return Scene(**self.model_dump())
 
 
-class LocalExecutor(Section):
+class LocalExecutorSection(Section):
     """One process."""
 
     kind: Literal["local"] = "local"
 
 
-class Tls(Section):
-    """The PEM files by which launcher, scheduler and workers know each other; any suffix will do.
+class TlsSection(Section):
+    """The PEM files by which launcher, scheduler and workers identify each other, with any suffix.
 
-    ca:   the cluster's certificate authority, whose certificates all of them show
+    ca:   of the certificate authority that issued the certificates of all of them
     cert: the launcher's certificate
-    key:  its private key, without a passphrase
+    key:  the private key of `cert`, without a passphrase
     """
 
     ca: Annotated[str, AfterValidator(pem_file("CERTIFICATE"))] = Field(
@@ -86,12 +83,12 @@ class Tls(Section):
     )
 
 
-class DaskExecutor(Section):
+class DaskExecutorSection(Section):
     """A running scheduler, or without one a cluster on this machine that ends with the run.
 
     workers:      processes to start on this machine, one per core by default
-    wait_seconds: for a scheduler and a first worker; so long they may be away later on, too
-    hang_seconds: what takes longer, and 30 times what it should, is taken to hang
+    wait_seconds: how long to wait for a scheduler and a first worker, at the start and when they are lost later
+    hang_seconds: a task hangs when it takes longer than this, and longer than 30 times its expected time
     tls:          for a scheduler at a tls:// address
     """
 
@@ -100,7 +97,7 @@ class DaskExecutor(Section):
     workers: Whole | None = whole(None, 1, 100_000, nullable=True)
     wait_seconds: Number = number(60.0, low=0)
     hang_seconds: Number = number(60.0, above=0)
-    tls: Tls | None = Field(None, description=f"a mapping of the keys {listed(Tls.model_fields)}, or null")
+    tls: TlsSection | None = section(TlsSection, nullable=True)
 
     @field_validator("scheduler")
     @classmethod
@@ -112,7 +109,7 @@ class DaskExecutor(Section):
 
     @field_validator("tls")
     @classmethod
-    def _of_the_scheduler(cls, value: Tls | None, info: ValidationInfo) -> Tls | None:
+    def _of_the_scheduler(cls, value: TlsSection | None, info: ValidationInfo) -> TlsSection | None:
         if "scheduler" not in info.data:
             return value
         scheduler = info.data["scheduler"]
@@ -121,15 +118,15 @@ class DaskExecutor(Section):
             raise ValueError("is for a running scheduler, processes of this machine need none; remove it")
         if value is not None and not encrypted:
             raise ValueError(f"needs a tls:// scheduler, found {shown(scheduler)}; write tls:// or remove tls")
-        # A stored run may be of a version that took the files from Dask's own configuration.
+        # A stored run may have no `tls`, where Dask's own configuration named the files.
         if value is None and encrypted and surroundings(info).check_files:
-            keys = listed(Tls.model_fields)
+            keys = listed(TlsSection.model_fields)
             raise ValueError(f"is missing, which {shown(scheduler)} needs; allowed: a mapping of the keys {keys}")
         return value
 
 
-class Budget(Section):
-    """When a run ends: at whichever limit comes first."""
+class BudgetSection(Section):
+    """When a run ends: at the limit that it reaches first."""
 
     generations: Whole | None = whole(100, 1, nullable=True)
     minutes: Number | None = number(None, above=0, nullable=True)
@@ -142,7 +139,7 @@ class Budget(Section):
         return self
 
 
-class EditFrequencies(Section):
+class EditsSection(Section):
     """Relative frequencies of the edits of the genBRDF paper's section 3.3."""
 
     swap: Number = number(1.0, low=0)
@@ -157,12 +154,12 @@ class EditFrequencies(Section):
         return self
 
 
-class Search(Section):
-    """How formulas are bred. Limits come before what they are applied to.
+class SearchSection(Section):
+    """How formulas are bred. Pydantic validates fields in order: limits come before the fields that they apply to.
 
     parameters:    p0 to p{parameters - 1} may occur
     bounds:        of every parameter
-    migrate_every: so many generations an island sends its best `migrants` to its neighbour
+    migrate_every: generations between migrations, when an island sends its best `migrants` to the next island
     """
 
     parameters: Whole = whole(4, 1, 8)
@@ -187,7 +184,7 @@ class Search(Section):
     tournament: Whole = whole(8, 1, 1_000_000)
     migrate_every: Whole = whole(5, 1)
     migrants: Whole = whole(1, 0, 1_000_000)
-    edits: EditFrequencies = section(EditFrequencies)
+    edits: EditsSection = section(EditsSection)
 
     @field_validator("bounds")
     @classmethod
@@ -214,24 +211,16 @@ class Search(Section):
         return tuple(resolve_formula(entry) for entry in self.start)
 
     def codebank_expressions(self) -> tuple[Expression, ...]:
-        """What the codebank is cut from; a group means those of its formulas that are within `parameters`."""
-        found: dict[Expression, None] = {}
-        for entry in self.codebank:
-            found |= dict.fromkeys(self._group(entry) if entry in GROUPS else [resolve_formula(entry)])
-        return tuple(found)
-
-    def _group(self, name: str) -> list[Expression]:
-        formulas = [formula.expression for formula in CATALOGUE.values() if GROUPS[name](formula)]
-        return [formula for formula in formulas if all(int(p[1:]) < self.parameters for p in formula.parameters)]
+        return resolve_codebank(self.codebank, self.parameters)
 
 
 class FitSection(Section):
-    """What `fitters.fitting.FitSettings` takes, and over how many cells.
+    """The settings of fits, `fitters.fitting.FitSettings`, and the number of cells.
 
-    cells:          sampled, of the screening fit of every candidate
-    confirm_cells:  sampled, of the fit of what may enter the front
+    cells:          of the sample that every candidate is screened on
+    confirm_cells:  of the sample that candidates for the front are confirmed on
     early_stopping: gives up fits that end far from the population's better third and from the front
-    warm_starts:    a fit also tries the parameters of the parent
+    warm_starts:    a fit also starts from the parameters of the parent
     """
 
     cells: Whole = whole(2048, 64, 10_000_000)

@@ -1,13 +1,43 @@
-"""How values and names appear in messages: short, on one line, with the nearest known name."""
+"""How problems, values and names appear in messages: each on one line, with the nearest known name."""
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 LONGEST = 60
+"""Characters of a value, digits of a number."""
+MOST = 100
+"""Problems that a message lists."""
+
+Place = tuple[str | int, ...]
+"""The way to a value: keys, and indices of lists."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is wrong with the value at a place."""
+
+    place: Place
+    line: int
+    text: str
+
+
+def message(problems: list[Problem], source: str) -> str:
+    """The problems of a file, one per line, from its first line to its last."""
+    ordered = sorted(problems, key=lambda problem: problem.line)
+    lines = [f"{source}:{p.line}: {key_path(p.place)}: {p.text}" for p in ordered[:MOST]]
+    more = len(ordered) - MOST
+    return "\n".join([*lines, f"{source}: {more} more problems"] if more > 0 else lines)
+
+
+def key_path(place: Place) -> str:
+    """`search.islands`, `materials[2]`."""
+    parts = (f"[{part}]" if isinstance(part, int) else f".{plain(part)}" for part in place)
+    return "".join(parts).removeprefix(".")
 
 
 def shown(value: object) -> str:
-    """A value as a user wrote it, more or less: `true`, `null`, `'four'`, cut where it is long."""
+    """A value in YAML: `true`, `null`, `'four'`, shortened where it is long."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, str):
@@ -22,7 +52,7 @@ def shown(value: object) -> str:
 
 
 def plain(text: str) -> str:
-    """A key or a path, in quotes only where it would not show as it is."""
+    """A key or a path; in quotes where it is empty, has spaces at its ends, or cannot be printed."""
     cut = text if len(text) <= 4 * LONGEST else text[: 4 * LONGEST] + "..."
     return cut if cut.isprintable() and cut == cut.strip() and cut else repr(cut)
 

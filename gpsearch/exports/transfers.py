@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fitters.fitting import METRICS
+from fitters.fitting import RESIDUALS
 from fitters.fitting.problem import CHANNELS
 from gpsearch.exports.numbers import finite, finite_or_none
 from gpsearch.run import Transfer, combined
@@ -21,7 +21,7 @@ def transfer_entry(
     if not transfers:
         return {}
     known = [one for one in transfers.values() if one is not None]
-    metrics = combined(known) if len(known) == len(transfers) else dict.fromkeys(METRICS, math.inf)
+    metrics = combined(known) if len(known) == len(transfers) else dict.fromkeys(RESIDUALS, math.inf)
     entry: dict[str, Any] = {
         "error": finite_or_none(metrics[metric]),
         "errors": {name: _errors(one) for name, one in transfers.items()},

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fitters.judging.card import HIGHER_IS_BETTER, METRIC_NAMES, Card, Judge
-from fitters.judging.image_metrics import IMAGE_METRICS
-from fitters.judging.table_metrics import TABLE_METRICS
+from fitters.judging.card import Card, Judge
+from fitters.judging.metrics import CARD_METRICS, METRICS
 from fitters.materials import Material
 from fitters.rendering import Picture
 from gpsearch.judging.contenders import Contender
@@ -43,11 +42,11 @@ class Judged:
 
     def worst_materials(self) -> dict[str, str]:
         """By metric; nothing where there is no card."""
-        return {metric: self.worst_material(metric) for metric in METRIC_NAMES} if self.cards else {}
+        return {metric: self.worst_material(metric) for metric in CARD_METRICS} if self.cards else {}
 
     def worst_material(self, metric: str) -> str:
         """The material on which the metric is worst."""
-        sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+        sign = -1.0 if METRICS[metric].higher_is_better else 1.0
         return max(self.cards, key=lambda name: sign * self.cards[name].metrics[metric])
 
 
@@ -78,15 +77,7 @@ def judged(contenders: Sequence[Contender], materials: Sequence[Material], scene
 
 def protocols() -> dict[str, dict[str, str]]:
     """How every metric is computed, in words."""
-    images = {
-        name: {"unit": metric.unit, "better": metric.better, "protocol": metric.protocol}
-        for name, metric in IMAGE_METRICS.items()
-    }
-    tables = {
-        name: {"unit": metric.unit, "better": "lower", "protocol": metric.protocol}
-        for name, metric in TABLE_METRICS.items()
-    }
-    return images | tables
+    return {name: metric.describe() for name, metric in CARD_METRICS.items()}
 
 
 def judged_json(found: Judged, tests: Collection[str] = ()) -> dict[str, Any]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.errors import FittersError
-from fitters.fitting import METRICS
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.fitting import RESIDUALS
+from fitters.judging.metrics import IMAGE_METRICS
 from fitters.materials import Material
 from fitters.rendering import ImageMap, Picture
 from gpsearch.judging.contenders import Contender
@@ -68,7 +68,7 @@ def _scores(
     found: dict[str, float | None] = dict.fromkeys((ERROR, *IMAGES))
     errors = contender.errors[material.name]
     if None not in errors:
-        found[ERROR] = METRICS[metric].combine(np.array(errors))
+        found[ERROR] = RESIDUALS[metric].combine(np.array(errors))
     if material.name in contender.models:
         try:
             picture = image.of_model(contender.models[material.name], material)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.metrics import IMAGE_METRICS
 from gpsearch.judging.contenders import FOUND
 from gpsearch.judging.generality import COMPARED, ERROR, IMAGES, Scored
 from gpsearch.judging.scenes import NamedScene
@@ -44,7 +44,6 @@ class Generality:
 
 def generality_json(found: Generality) -> dict[str, Any]:
     """Plain objects; what could not be fitted is null."""
-    images = {name: IMAGE_METRICS[name] for name in IMAGES}
     return {
         "run": found.run,
         "scene": {"name": found.scene.name, **asdict(found.scene.scene)},
@@ -53,7 +52,7 @@ def generality_json(found: Generality) -> dict[str, Any]:
         "test_materials": list(found.test),
         "metrics": {
             ERROR: {"unit": "", "better": "lower", "protocol": f"the {found.metric} metric over three channels"},
-            **{name: {"unit": m.unit, "better": m.better, "protocol": m.protocol} for name, m in images.items()},
+            **{name: IMAGE_METRICS[name].describe() for name in IMAGES},
         },
         "models": [_model_json(found, one) for one in found.models],
         "member": found.member and _member_json(found, found.member),

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from gpsearch.configuration import Configuration
-from gpsearch.configuration.references import BUILTIN, material_name, resolve_path
+from gpsearch.configuration.files import resolve_path
+from gpsearch.configuration.materials import BUILTIN, material_name
 from gpsearch.errors import GpsearchError
 
 Role = Literal["training", "test", "new"]

@@ -13,8 +13,7 @@ from fitters.fitting.problem import lit_source, of_material
 from fitters.fitting.sharing import Sharing, share
 from fitters.grid import SHAPE
 from fitters.judging.card import model_values
-from fitters.judging.image_metrics import IMAGE_METRICS
-from fitters.judging.table_metrics import TABLE_METRICS, table_errors
+from fitters.judging.metrics import IMAGE_METRICS, METRICS, Compared
 from fitters.judging.timing import closure, incoherent, measure
 from fitters.materials import Material
 from fitters.models import FormulaModel, Model
@@ -67,7 +66,7 @@ class View:
     def __init__(self, scene: NamedScene, materials: Sequence[Material], tolerance: Tolerance) -> None:
         self.materials, self.tolerance = tuple(material.name for material in materials), tolerance
         self._image_metrics = [name for name in tolerance.metrics if name in IMAGE_METRICS]
-        self._curved_metrics = [name for name in tolerance.metrics if name in TABLE_METRICS and name != LIGHT]
+        self._curved_metrics = [name for name in tolerance.metrics if name not in (LIGHT, *IMAGE_METRICS)]
         self._of_name = {material.name: material for material in materials}
         self._light = scene.light()
         self._sources = {material.name: lit_source([material], self._light) for material in materials}
@@ -85,8 +84,8 @@ class View:
             for metric in self._image_metrics:
                 found[metric] = IMAGE_METRICS[metric].compare(self._truths[name], picture).value
         if self._curved_metrics:
-            errors = table_errors(material, self._light, model_values(model, material).reshape(3, *SHAPE))
-            found |= {metric: _mean(errors[metric]) for metric in self._curved_metrics}
+            compared = Compared(material, self._light, model_values(model, material).reshape(3, *SHAPE))
+            found |= {metric: METRICS[metric].measure(compared).value for metric in self._curved_metrics}
         return found
 
     def holds(self, model: Model, name: str) -> bool:

@@ -8,7 +8,7 @@ from fitters.scenes import LightTable, Scene, light_table
 from fitters.scenes.lights import BUILT_IN
 from fitters.scenes.scene import SPHERE
 from gpsearch.configuration import Configuration, load_configuration
-from gpsearch.configuration.references import resolve_path
+from gpsearch.configuration.files import resolve_path
 
 IMAGE_RESOLUTION = 96
 """Pixels across the pictures that models are judged in, unless the scene has more."""

@@ -6,9 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fitters.judging.card import HIGHER_IS_BETTER, METRIC_NAMES
-from fitters.judging.image_metrics import IMAGE_METRICS
-from fitters.judging.table_metrics import TABLE_METRICS
+from fitters.judging.metrics import CARD_METRICS
 from gpsearch.configuration.wording import listed, nearest
 from gpsearch.errors import GpsearchError
 
@@ -16,8 +14,6 @@ _COMPARE = {">=": operator.ge, "<=": operator.le, ">": operator.gt, "<": operato
 _LIMIT = re.compile(
     r"(?P<metric>[\w-]+?)\s*(?P<sign>[<>]=?)\s*(?P<bound>[+-]?[\d.]+(?:e[+-]?\d+)?)(?P<percent>\s*%)?", re.I
 )
-_DECIBELS = 20.0 / math.log(10.0)
-"""Per unit of a natural logarithm of amplitudes."""
 
 EXAMPLE = '"psnr>=45" or "psnr>=40 and delta-e-2000<1"'
 
@@ -31,20 +27,18 @@ class Limit:
     bound: float
 
     def __str__(self) -> str:
-        return f"{self.metric}{self.sign}{self.bound:g}{' dB' if _unit(self.metric) == 'dB' else ''}"
+        return f"{self.metric}{self.sign}{self.bound:g}{' dB' if CARD_METRICS[self.metric].unit == 'dB' else ''}"
 
     def holds(self, value: float) -> bool:
         return bool(_COMPARE[self.sign](value, self.bound))
 
     def margin(self, value: float) -> float:
         """How far inside the bound a value lies, in the metric's unit; negative outside."""
-        return value - self.bound if self.metric in HIGHER_IS_BETTER else self.bound - value
+        return CARD_METRICS[self.metric].margin(self.bound, value)
 
     def slack(self, value: float) -> float:
-        """The same as the natural logarithm of a ratio of errors, as decibels are one: so metrics compare."""
-        if self.metric in HIGHER_IS_BETTER:
-            return (value - self.bound) / _DECIBELS
-        return math.log(self.bound / value) if value > 0 else math.inf
+        """The same as the natural logarithm of a ratio of errors, in which different metrics can be compared."""
+        return CARD_METRICS[self.metric].slack(self.bound, value)
 
 
 @dataclass(frozen=True)
@@ -82,11 +76,11 @@ def parse_tolerance(text: str) -> Tolerance:
 def _limit(part: str) -> Limit:
     match = _LIMIT.fullmatch(part)
     name = (match["metric"] if match else re.match(r"[\w-]*", part)[0]).lower()  # type: ignore[index]
-    if name and name not in METRIC_NAMES:
-        hint = nearest(name, METRIC_NAMES)
+    if name and name not in CARD_METRICS:
+        hint = nearest(name, CARD_METRICS)
         raise GpsearchError(
             f"tolerance: there is no metric {name!r}: "
-            + (f"did you mean {hint}?" if hint else f"there are {listed(METRIC_NAMES)}")
+            + (f"did you mean {hint}?" if hint else f"there are {listed(CARD_METRICS)}")
         )
     bound = _number(match["bound"]) if match else None
     if match is None or bound is None:
@@ -94,14 +88,14 @@ def _limit(part: str) -> Limit:
             f"tolerance: {part!r} is no limit: write a metric, one of >= > <= <, and a number, as in {EXAMPLE}"
         )
     if match["percent"]:
-        if _unit(name):
-            raise GpsearchError(f"tolerance: {part!r}: {name} is in {_unit(name)}, not a share; leave out the %")
+        if unit := CARD_METRICS[name].unit:
+            raise GpsearchError(f"tolerance: {part!r}: {name} is in {unit}, not a share; leave out the %")
         bound /= 100.0
     return _checked(Limit(name, match["sign"], bound), part)
 
 
 def _checked(limit: Limit, part: str) -> Limit:
-    higher = limit.metric in HIGHER_IS_BETTER
+    higher = CARD_METRICS[limit.metric].higher_is_better
     if higher != limit.sign.startswith(">"):
         better, sign = ("more", ">=") if higher else ("less", "<=")
         raise GpsearchError(
@@ -119,7 +113,3 @@ def _number(text: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
-
-
-def _unit(metric: str) -> str:
-    return IMAGE_METRICS[metric].unit if metric in IMAGE_METRICS else TABLE_METRICS[metric].unit

@@ -11,7 +11,8 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
 from fitters.grid import Array
-from fitters.judging.card import METRIC_NAMES, REGION, error_map
+from fitters.judging.card import REGION, error_map
+from fitters.judging.metrics import CARD_METRICS
 from fitters.rendering.display import displayed, exposure
 from fitters.rendering.picture import Picture
 from gpsearch.judging.cards import Shown
@@ -86,7 +87,7 @@ def _mark(axes: Axes, one: Shown) -> None:
 
 def _write(axes: Axes, one: Shown) -> None:
     axes.axis("off")
-    lines = [f"{name:17s}{number(one.card.metrics[name])}" for name in METRIC_NAMES]
+    lines = [f"{name:17s}{number(one.card.metrics[name])}" for name in CARD_METRICS]
     worst = one.card.worst
     lines += ["", f"worst region: FLIP {worst.error:.3f}", f"  seen at {worst.facing:.0f} deg"]
     axes.text(

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from fitters.judging.card import HIGHER_IS_BETTER
+from fitters.judging.metrics import METRICS
 from gpsearch.judging.offers import Offer
 from gpsearch.judging.scene_picks import ScenePicks
 from gpsearch.judging.tolerance import Limit, Tolerance
@@ -28,7 +28,7 @@ def plot_scenes(found: Sequence[ScenePicks], tolerance: Tolerance, path: Path) -
         _panel(axes, one, limit)
     panels[0].set_ylabel(f"{limit.metric}, worst material")
     panels[0].set_xscale("log")
-    if limit.metric not in HIGHER_IS_BETTER:
+    if not METRICS[limit.metric].higher_is_better:
         panels[0].set_yscale("log")
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False, fontsize=8)

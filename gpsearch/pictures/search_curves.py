@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from fitters.fitting import METRICS
+from fitters.fitting import RESIDUALS
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
 from gpsearch.run import Generation, Store
@@ -136,7 +136,7 @@ def hypervolume(front: Sequence[Point], reference: Reference) -> float:
 def _reference(runs: Sequence[SearchedRun]) -> Reference:
     """The largest formula that a run allows; the error of a black one, or the worst there is for a plain sum."""
     worst = max(error for run in runs for _, arrived in run.arrivals for _, error in arrived)
-    normalised = METRICS[runs[0].configuration.metric].normalised
+    normalised = RESIDUALS[runs[0].configuration.metric].normalised
     return Reference(max(run.configuration.search.max_nodes for run in runs), 1.0 if normalised else worst)
 
 

@@ -6,7 +6,7 @@ from statistics import median
 
 import numpy as np
 
-from fitters.fitting import METRICS, Description
+from fitters.fitting import RESIDUALS, Description
 from fitters.models.baselines import FAMILIES, Judged
 
 
@@ -53,7 +53,7 @@ class TabulatedBaseline:
     @property
     def metrics(self) -> dict[str, float]:
         """The error over all targets by every metric."""
-        return {name: METRICS[name].combine(np.array(errors)) for name, errors in self.errors.items()}
+        return {name: RESIDUALS[name].combine(np.array(errors)) for name, errors in self.errors.items()}
 
 
 Baseline = FormulaBaseline | TabulatedBaseline

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fitters.fitting import METRICS, Description
+from fitters.fitting import RESIDUALS, Description
 from fitters.models.baselines import Judged
 
 
@@ -34,7 +34,7 @@ class Transfer:
     @classmethod
     def of_table(cls, judged: Judged, metric: str) -> "Transfer":
         """Of a tabulated baseline, in a run of this metric."""
-        metrics = {name: METRICS[name].combine(np.array(errors)) for name, errors in judged.errors.items()}
+        metrics = {name: RESIDUALS[name].combine(np.array(errors)) for name, errors in judged.errors.items()}
         return cls(judged.errors[metric], metrics, {}, judged.warnings)
 
 
@@ -44,4 +44,4 @@ def combined(transfers: Sequence[Transfer]) -> dict[str, float]:
     Every material has as many targets, so that errors of materials combine as those of targets do.
     """
     names = transfers[0].metrics
-    return {name: METRICS[name].combine(np.array([one.metrics[name] for one in transfers])) for name in names}
+    return {name: RESIDUALS[name].combine(np.array([one.metrics[name] for one in transfers])) for name in names}

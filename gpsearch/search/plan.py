@@ -83,7 +83,7 @@ def plan(configuration: Configuration) -> Plan:
     """The plan of a configuration."""
     search, fit = configuration.search, configuration.fit
     mutation = Mutation(
-        codebank=codebank(configuration.codebank_expressions(), search.parameters),
+        codebank=codebank(search.codebank_expressions(), search.parameters),
         max_nodes=search.max_nodes,
         parameters=search.parameters,
         frequencies=(search.edits.swap, search.edits.insert, search.edits.replace, search.edits.delete),
@@ -94,7 +94,7 @@ def plan(configuration: Configuration) -> Plan:
         seed=configuration.seed,
         islands=search.islands,
         breeding=Breeding(
-            starts=tuple(to_text(expression) for expression in configuration.start_expressions()),
+            starts=tuple(to_text(expression) for expression in search.start_expressions()),
             size=search.island_size,
             tournament=search.tournament,
             mutation=mutation,

@@ -5,7 +5,7 @@ from typing import Any
 
 from fitters.fitting import FitJob, transfer
 from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
-from gpsearch.configuration.references import material_name
+from gpsearch.configuration.materials import material_name
 from gpsearch.run import Quarantined, Store, Transfer, listed_formulas
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane, Stopped

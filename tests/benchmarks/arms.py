@@ -20,7 +20,7 @@ from fitters.expressions import Expression
 from fitters.fitting import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
 from fitters.fitting.fit import Bounds, _prepared, _starts, _stated
 from fitters.fitting.problem import Cells
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 from gpsearch.search import course
 from gpsearch.search.memory import Memory
 
@@ -74,7 +74,7 @@ def confirm_as_screened(fit_problem: FitProblem, task: ConfirmJob) -> Confirmed:
 def fit_as_the_paper(
     expression: Expression,
     cells: Cells,
-    metric: Metric,
+    metric: Residual,
     bounds: Bounds,
     settings: FitSettings | None = None,
     near: object = None,

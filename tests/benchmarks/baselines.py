@@ -19,7 +19,7 @@ from fitters.errors import FittersError
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
 from fitters.fitting import ConfirmJob, FitJob, FitProblem, FitSettings, confirm, fit_problem
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.metrics import IMAGE_METRICS
 from fitters.materials import Material, load_material
 from fitters.models import FormulaModel, Model
 from fitters.models.baselines import TABULATED, fit_baseline, judge

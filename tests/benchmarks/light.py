@@ -19,8 +19,7 @@ from fitters.engine.warm import warm_up
 from fitters.fitting import fit_problem
 from fitters.grid import CELLS, SHAPE, Array
 from fitters.judging.card import model_values
-from fitters.judging.image_metrics import IMAGE_METRICS
-from fitters.judging.table_metrics import table_errors
+from fitters.judging.metrics import METRICS, Compared
 from fitters.materials import Material, load_material
 from fitters.models import Model
 from fitters.models.baselines import TABULATED, kept_baseline
@@ -186,12 +185,12 @@ def rows_of(
 def _judged(
     model: Model, material: Material, light: LightTable, image: ImageMap, truth: Picture
 ) -> tuple[float, float, float, float]:
-    """The light error, and what pictures say."""
+    """The light error, and the errors of the picture."""
     values = model_values(model, material)
-    seen = image.picture(values.reshape(3, CELLS)[:, image.cells].T)
-    error = table_errors(material, light, values.reshape(3, *SHAPE))["light"]
-    l2, psnr, ssim = (IMAGE_METRICS[metric].compare(truth, seen).value for metric in SEEN)
-    return float(np.sqrt(np.mean(np.square(error)))), l2, psnr, ssim
+    picture = image.picture(values.reshape(3, CELLS)[:, image.cells].T)
+    compared = Compared(material, light, values.reshape(3, *SHAPE), truth, picture)
+    error, l2, psnr, ssim = (METRICS[metric].measure(compared).value for metric in ("light", *SEEN))
+    return error, l2, psnr, ssim
 
 
 FIELDS = ("light", "l2", "psnr", "ssim")

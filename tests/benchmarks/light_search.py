@@ -14,7 +14,7 @@ import numpy as np
 
 from fitters.expressions import parse
 from fitters.fitting import FitProblem, ProblemRecipe, build_problem, fit_problem
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.metrics import IMAGE_METRICS
 from fitters.models.baselines import formula_model
 from fitters.rendering import image_map
 from fitters.scenes import load_light

@@ -21,7 +21,7 @@ from fitters.fitting.polish import TargetSquares
 from fitters.fitting.problem import CHANNELS, Cells
 from fitters.fitting.sharing.sharing import SCOPES, Sharing
 from fitters.grid import Array
-from fitters.judging.metrics import Metric
+from fitters.judging.metrics import Residual
 
 DESCENTS = 3
 """From the best of the starts."""
@@ -31,7 +31,7 @@ EXAMPLES = 6
 
 
 def tied_fit(
-    expression: Expression, cells: Cells, metric: Metric, bounds: Bounds, sharing: Sharing, near: Fit
+    expression: Expression, cells: Cells, metric: Residual, bounds: Bounds, sharing: Sharing, near: Fit
 ) -> Fit:
     """The fit over the cells with parameters shared, by Gauss-Newton in float64 from a fit that shares less.
 

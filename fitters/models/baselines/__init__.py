@@ -3,7 +3,6 @@
 from fitters.models.baselines.fitted import Fitted
 from fitters.models.baselines.formulas import formula_model
 from fitters.models.baselines.judging import (
-    COSINE,
     BaselineJob,
     Judged,
     judge,
@@ -26,7 +25,6 @@ from fitters.models.baselines.names import (
 
 __all__ = [
     "ANISOTROPIC",
-    "COSINE",
     "FACTORS",
     "FAMILIES",
     "KINDS",

@@ -9,16 +9,13 @@ import numpy as np
 from fitters.errors import FittersError
 from fitters.fitting.problem import CHANNELS, FitProblem, Source, weighted_target
 from fitters.grid import cell_directions
-from fitters.judging.metrics import METRICS, Metric, length
+from fitters.judging.metrics import COSINE, RESIDUALS, length
 from fitters.materials import AnisotropicMaterial
 from fitters.materials.utia import sample_directions
 from fitters.models import Model
 from fitters.models.baselines.kept import kept_baseline
 
 PerChannel = tuple[float, float, float]
-
-COSINE = Metric("cosine", lambda cosines, measured: cosines, normalised=True)
-"""What anisotropic measurements are judged by."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +49,7 @@ def judge_baseline(problem: FitProblem, job: BaselineJob) -> Judged:
         fitted = kept_baseline(job.name, material)
     except FittersError as error:
         # Data, not an exception: what one material lacks must not end a run over many.
-        infinite = dict.fromkeys(METRICS, (math.inf, math.inf, math.inf))
+        infinite = dict.fromkeys(RESIDUALS, (math.inf, math.inf, math.inf))
         return Judged(infinite, 0, time.perf_counter() - began, 0.0, (_about(material.name, str(error)),))
     model = fitted.model
     errors = judge(problem, job.material, model)
@@ -75,7 +72,7 @@ def judge_at(source: Source, material: int, model: Model) -> dict[str, PerChanne
     w_i, w_o = cell_directions()
     values = model.evaluate(w_i[source.index], w_o[source.index])
     errors = {}
-    for name, metric in METRICS.items():
+    for name, metric in RESIDUALS.items():
         channels = []
         for c in range(len(CHANNELS)):
             weights, targets = weighted_target(source, metric, len(CHANNELS) * material + c)

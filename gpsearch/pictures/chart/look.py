@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from fitters.fitting import METRICS
+from fitters.fitting import RESIDUALS
 from gpsearch.pictures.chart.models import AXES, MEASURED, Chart, Charted
 
 
@@ -42,7 +42,7 @@ class Frame:
 
     def __init__(self, chart: Chart) -> None:
         errors = [e for model in chart.fitted for e in (model.error, model.test_error) if e]
-        within = [error for error in errors if error <= 1 or not METRICS[chart.metric].normalised] or errors
+        within = [error for error in errors if error <= 1 or not RESIDUALS[chart.metric].normalised] or errors
         self.bottom = min(within, default=1.0) / 1.35
         self.top = max(within, default=1.0) * 1.2
         self._left = {axis.key: _half_of_least(chart, axis.key) for axis in AXES}

@@ -68,7 +68,7 @@ _IN_A_PROCESS = """
 import numpy as np
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import fit
-from fitters.judging.metrics import METRICS
+from fitters.judging.metrics import RESIDUALS
 from fitters.fitting.problem import Cells
 from tests.random_expressions import random_features
 n = 1500
@@ -77,7 +77,7 @@ weights = np.full((2, n), n**-0.5, np.float32)
 measured = np.stack([seen["wh.z"] ** 3, seen["wh.z"] ** 90]).astype(np.float32)
 cells = Cells(np.arange(n), seen, weights, weights * measured)
 formula = CATALOGUE["genbrdf-metal"]
-print(fit(formula.expression, cells, METRICS["light"], formula.bounds).values.tobytes().hex())
+print(fit(formula.expression, cells, RESIDUALS["light"], formula.bounds).values.tobytes().hex())
 """
 
 

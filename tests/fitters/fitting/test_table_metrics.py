@@ -9,9 +9,11 @@ import pytest
 from fitters.errors import FittersError
 from fitters.fitting.problem import lit_source
 from fitters.grid import SHAPE, bin_centres, directions
-from fitters.judging.table_metrics import TABLE_METRICS, table_errors
+from fitters.judging.metrics import CARD_METRICS, METRICS, Compared
 from fitters.models import MeasuredTable
 from fitters.models.baselines.judging import judge_at
+
+NAMES = ["light", "cosine-log", "cosine-cube-root"]
 
 
 @pytest.fixture(scope="module")
@@ -40,26 +42,26 @@ def test_both_directions_of_every_valid_cell_count_alike(name, curve, few_cells,
                 f, m = values[channel][cell], float(few_cells.table[channel][cell])
                 squares.append((curve(f * direction[2]) - curve(m * direction[2])) ** 2)
         expected.append(math.sqrt(sum(squares) / 80))
-    assert table_errors(few_cells, light, values)[name] == pytest.approx(tuple(expected), rel=1e-6)
+    assert METRICS[name].errors(Compared(few_cells, light, values)) == pytest.approx(tuple(expected), rel=1e-6)
 
 
 def test_the_light_error_is_the_one_that_baselines_are_judged_by(shiny, light):
     values = (1.2 * shiny.table + 0.01).astype(np.float32)
     expected = judge_at(lit_source([shiny], light), 0, MeasuredTable(values))["light"]
-    assert table_errors(shiny, light, values)["light"] == pytest.approx(expected, rel=1e-5)
+    assert METRICS["light"].errors(Compared(shiny, light, values)) == pytest.approx(expected, rel=1e-5)
 
 
 def test_the_measurement_has_no_error_and_cells_that_are_not_valid_do_not_count(few_cells, light):
     values = np.where(few_cells.valid, few_cells.table, 1e9)
-    for errors in table_errors(few_cells, light, values).values():
-        np.testing.assert_allclose(errors, 0, atol=1e-6)
+    for name in NAMES:
+        np.testing.assert_allclose(METRICS[name].errors(Compared(few_cells, light, values)), 0, atol=1e-6)
 
 
 def test_every_protocol_says_which_cells_count():
-    assert list(TABLE_METRICS) == ["light", "cosine-log", "cosine-cube-root"]
-    assert all("valid cells" in metric.protocol for metric in TABLE_METRICS.values())
+    assert [name for name, metric in CARD_METRICS.items() if metric.measured_on != "image"] == NAMES
+    assert all("valid cells" in METRICS[name].protocol for name in NAMES)
 
 
 def test_values_of_another_shape_are_refused(shiny, light):
     with pytest.raises(FittersError, match=r"values are \(3, 90, 90, 180\)"):
-        table_errors(shiny, light, shiny.table[0])
+        Compared(shiny, light, shiny.table[0])

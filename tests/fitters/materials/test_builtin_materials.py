@@ -27,7 +27,7 @@ def test_a_builtin_is_the_same_every_time_and_the_noise_differs_between_them():
 def test_the_noise_has_no_bias_and_grows_towards_grazing(name):
     above = grid.above_horizon()
     w_i, w_o = (w[above.ravel()] for w in grid.cell_directions())
-    clean = synthetic.brdf(synthetic.RECIPES[name], w_i, w_o)
+    clean = synthetic.brdf(synthetic.BUILT_IN[name], w_i, w_o)
     noise = np.log(load_material(f"builtin:{name}").table[:, above].T / clean)
     lowest = np.minimum(w_i[:, 2], w_o[:, 2])
     assert abs(noise.mean()) < 1e-3
@@ -38,11 +38,11 @@ def test_the_noise_has_no_bias_and_grows_towards_grazing(name):
 @pytest.mark.parametrize("name", builtin_names())
 def test_the_formulas_are_reciprocal(name, random_pairs):
     w_i, w_o = random_pairs
-    recipe = synthetic.RECIPES[name]
+    recipe = synthetic.BUILT_IN[name]
     np.testing.assert_allclose(synthetic.brdf(recipe, w_i, w_o), synthetic.brdf(recipe, w_o, w_i), rtol=1e-10)
 
 
-@pytest.mark.parametrize("lobe", [lobe for recipe in synthetic.RECIPES.values() for lobe in recipe.lobes])
+@pytest.mark.parametrize("lobe", [lobe for recipe in synthetic.BUILT_IN.values() for lobe in recipe.lobes])
 def test_the_projected_area_of_the_microfacets_is_one(lobe):
     edges = np.linspace(0, 1, 20_001) ** 2
     cos = 1 - 0.5 * (edges[1:] + edges[:-1])

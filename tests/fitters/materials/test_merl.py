@@ -6,7 +6,7 @@ import pytest
 
 from fitters import grid
 from fitters.errors import FittersError
-from fitters.materials import known, load_material
+from fitters.materials import load_material, merl
 from fitters.materials.merl import FILE_BYTES, SCALE, write_merl
 
 
@@ -83,14 +83,14 @@ def test_unusable_cells_are_left_out_and_single_negative_channels_are_counted(pa
 
 
 def test_a_released_file_is_recognised_by_its_content(path, measured, monkeypatch):
-    assert known.genuine_merl_name("0" * 64) is None
-    assert len(known._genuine()) == 100
-    chrome = next(sha256 for sha256, name in known._genuine().items() if name == "chrome.binary")
-    assert known.genuine_merl_name(chrome) == "chrome.binary"
+    assert merl.genuine_merl_name("0" * 64) is None
+    assert len(merl._genuine()) == 100
+    chrome = next(sha256 for sha256, name in merl._genuine().items() if name == "chrome.binary")
+    assert merl.genuine_merl_name(chrome) == "chrome.binary"
 
     write_merl(path, *measured)
     sha256 = load_material(path).sha256
-    monkeypatch.setattr(known, "_genuine", lambda: {sha256: "chrome.binary"})
+    monkeypatch.setattr(merl, "_genuine", lambda: {sha256: "chrome.binary"})
     assert load_material(path).source == "MERL, genuine chrome.binary"
 
 

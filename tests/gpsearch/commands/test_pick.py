@@ -9,7 +9,8 @@ import yaml
 
 from fitters.expressions import parse
 from fitters.fitting.problem import lit_source
-from fitters.judging.card import HIGHER_IS_BETTER, METRIC_NAMES, Judge
+from fitters.judging.card import Judge
+from fitters.judging.metrics import CARD_METRICS
 from fitters.materials.synthetic import load
 from fitters.models import FormulaModel
 from fitters.models.baselines import judge_at
@@ -99,7 +100,8 @@ def test_numbers_are_shared(within_limit):
 def test_what_is_measured_is_what_cards_say():
     """By every metric; of a table, whose picture nothing here fits."""
     scene, material = NamedScene("studio", Scene("studio", resolution=16, light_rows=8), Path()), load("metal")
-    every = " and ".join(f"{name}{'>' if name in HIGHER_IS_BETTER else '<'}1" for name in METRIC_NAMES)
+    limits = [f"{metric.name}{'>' if metric.higher_is_better else '<'}1" for metric in CARD_METRICS.values()]
+    every = " and ".join(limits)
     model = BivariateTable(B=np.full((90, 90, 3), 0.2))
     values = View(scene, [material], parse_tolerance(every)).values(model, "metal")
     card, _ = Judge(scene.image(), scene.light(), material).card(model)

@@ -10,7 +10,12 @@ from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import FitSettings
 from fitters.models.baselines import TABULATED
 from fitters.scenes import Scene
-from gpsearch.configuration import DaskExecutor, LocalExecutor, load_configuration, parse_configuration
+from gpsearch.configuration import (
+    DaskExecutorSection,
+    LocalExecutorSection,
+    load_configuration,
+    parse_configuration,
+)
 from gpsearch.errors import GpsearchError
 
 
@@ -20,11 +25,11 @@ def test_materials_alone_are_enough_and_the_rest_is_as_in_the_paper(load):
     assert (configuration.name, configuration.seed, configuration.metric) == ("quick", 0, "light")
     assert configuration.materials == ("builtin:metal", "builtin:fabric")
     assert configuration.scene.recipe == Scene()
-    assert configuration.executor == LocalExecutor()
+    assert configuration.executor == LocalExecutorSection()
     assert (configuration.budget.generations, search.islands, search.island_size) == (100, 4, 1024)
     assert (search.migrate_every, search.migrants, search.parameters) == (5, 1, 4)
-    assert configuration.start_expressions() == (CATALOGUE["cook-torrance"].expression,)
-    assert configuration.codebank_expressions() == within_parameters(4)
+    assert configuration.search.start_expressions() == (CATALOGUE["cook-torrance"].expression,)
+    assert configuration.search.codebank_expressions() == within_parameters(4)
     assert search.bounds == (1e-6, 1e5)
     assert (fit.cells, fit.confirm_cells, fit.settings) == (2048, 16384, FitSettings())
     formulas, tables = ("cook-torrance", "ggx"), ("bivariate", "npf-independent-g", "npf-g-from-d", "npf-naive")
@@ -62,12 +67,12 @@ baselines: []
 """
     )
     assert configuration.scene.recipe == Scene("sky.exr", 30.0, 32, 24)
-    assert configuration.executor == DaskExecutor(
+    assert configuration.executor == DaskExecutorSection(
         kind="dask", scheduler="tcp://host:8786", workers=2, wait_seconds=5
     )
     assert configuration.budget.model_dump() == {"generations": None, "minutes": 2.5, "candidates": 1000}
-    assert configuration.start_expressions()[1] == parse("p0 * max(wi.z, p1)")
-    assert configuration.codebank_expressions() == (CATALOGUE["phong"].expression,)
+    assert configuration.search.start_expressions()[1] == parse("p0 * max(wi.z, p1)")
+    assert configuration.search.codebank_expressions() == (CATALOGUE["phong"].expression,)
     assert configuration.search.edits.replace == 1.5
     assert configuration.fit.settings == FitSettings(9, 1, 0, 10, 1e-3)
     assert (configuration.culling, configuration.baselines) == (0.05, ())
@@ -104,7 +109,7 @@ def test_test_materials_are_none_by_default_and_have_names(load):
 def test_a_stored_run_whose_tls_was_configured_elsewhere_still_opens(tmp_path):
     text = "materials: [builtin:metal]\nexecutor: {kind: dask, scheduler: tls://a:1}\n"
     stored = parse_configuration(text, source="run.sqlite", folder=tmp_path, check_files=False)
-    assert stored.executor == DaskExecutor(kind="dask", scheduler="tls://a:1")
+    assert stored.executor == DaskExecutorSection(kind="dask", scheduler="tls://a:1")
 
 
 @pytest.mark.parametrize(
@@ -128,21 +133,21 @@ def test_one_string_is_a_list_of_one(load):
 
 
 def test_all_of_the_codebank_may_be_joined_by_more(load):
-    expressions = load("search: {codebank: [all, ggx, 'p0 * wi.z']}").codebank_expressions()
+    expressions = load("search: {codebank: [all, ggx, 'p0 * wi.z']}").search.codebank_expressions()
     assert [to_text(e) for e in expressions[-1:]] == ["p0 * wi.z"]
     assert expressions[:-1] == within_parameters(4)
 
 
 def test_all_of_the_codebank_keeps_within_the_parameters(load):
-    expressions = load("search: {parameters: 2, start: oren-nayar}").codebank_expressions()
+    expressions = load("search: {parameters: 2, start: oren-nayar}").search.codebank_expressions()
     assert CATALOGUE["lambert"].expression in expressions
     assert CATALOGUE["ggx"].expression not in expressions
-    assert load("search: {parameters: 8}").codebank_expressions() == within_parameters(8)
+    assert load("search: {parameters: 8}").search.codebank_expressions() == within_parameters(8)
     assert set(CATALOGUE) - {f.name for f in CATALOGUE.values() if f.expression in within_parameters(8)} == {"sgd"}
 
 
 def test_a_group_holds_what_was_published_before_the_paper(load):
-    expressions = load("search: {codebank: published-2013, parameters: 8}").codebank_expressions()
+    expressions = load("search: {codebank: published-2013, parameters: 8}").search.codebank_expressions()
     later = {"genbrdf-metal", "genbrdf-dielectric"}
     assert expressions == within_parameters(8, without=later)
     assert all(CATALOGUE[name].expression in expressions for name in ("ggx", "abc", "disney-specular"))
@@ -150,7 +155,8 @@ def test_a_group_holds_what_was_published_before_the_paper(load):
 
 
 def test_a_group_may_be_joined_by_more(load):
-    expressions = load("search: {codebank: ['p0 * wi.z', published-2013, genbrdf-metal]}").codebank_expressions()
+    search = load("search: {codebank: ['p0 * wi.z', published-2013, genbrdf-metal]}").search
+    expressions = search.codebank_expressions()
     assert to_text(expressions[0]) == "p0 * wi.z"
     assert expressions[1:-1] == within_parameters(4, without={"genbrdf-metal", "genbrdf-dielectric"})
     assert expressions[-1] == CATALOGUE["genbrdf-metal"].expression

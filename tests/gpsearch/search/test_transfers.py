@@ -11,7 +11,7 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import METRICS, build_problem, transfer
+from fitters.fitting import RESIDUALS, build_problem, transfer
 from fitters.fitting.problem import lit_source
 from fitters.materials import load_material
 from fitters.models import FormulaModel
@@ -110,7 +110,7 @@ def test_what_is_stated_of_test_materials_is_what_their_parameters_give(folder):
             squares += [error**2 for error in errors]
         assert test["error"] == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-6)
         assert test["metrics"]["light"] == test["error"]
-        assert test["metrics"].keys() == METRICS.keys()
+        assert test["metrics"].keys() == RESIDUALS.keys()
 
 
 def test_errors_over_materials_combine_as_those_of_targets_do(folder):
@@ -134,7 +134,7 @@ def test_the_refit_to_a_training_material_has_the_error_of_the_training(folder):
         for name in TRAINING:
             problem = build_problem(problem_recipe(configured(folder)).of(f"builtin:{name}"))
             again = transfer(problem, jobs[entry["expression"]])
-            known = METRICS["light"].combine(np.array(entry["errors"][name]))
+            known = RESIDUALS["light"].combine(np.array(entry["errors"][name]))
             assert again.fit.error == pytest.approx(known, rel=0.02)
     store.close()
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fitters.fitting import METRICS, FitProblem, fit_problem
+from fitters.fitting import RESIDUALS, FitProblem, fit_problem
 from fitters.materials import load_material
 from fitters.models import MeasuredTable
 from fitters.models.baselines import FAMILIES, TABULATED, BaselineJob, judge, judge_baseline
@@ -31,13 +31,13 @@ def test_every_baseline_is_of_a_family():
 
 def test_the_measurement_itself_has_no_error(problem):
     errors = judge(problem, 0, MeasuredTable(problem.source.materials[0].table))
-    assert errors.keys() == METRICS.keys()
+    assert errors.keys() == RESIDUALS.keys()
     assert all(error < 1e-6 for channels in errors.values() for error in channels)
 
 
 def test_a_fit_is_judged_by_every_metric(problem):
     judged = judge_baseline(problem, BaselineJob("bivariate", 0))
-    assert judged.errors.keys() == METRICS.keys()
+    assert judged.errors.keys() == RESIDUALS.keys()
     assert all(0 < error < 0.1 for error in judged.errors["light"])
     assert (judged.floats, judged.warnings) == (24300, ())
     assert judged.fit_seconds > 0
@@ -46,7 +46,7 @@ def test_a_fit_is_judged_by_every_metric(problem):
 
 def test_a_material_that_cannot_be_fitted_is_judged_infinitely_bad_with_the_reason(problem):
     judged = judge_baseline(problem, BaselineJob("power-iterations", 1))
-    assert judged.errors == dict.fromkeys(METRICS, (math.inf,) * 3)
+    assert judged.errors == dict.fromkeys(RESIDUALS, (math.inf,) * 3)
     assert (judged.floats, judged.cost_ns) == (0, 0.0)
     (reason,) = judged.warnings
     assert reason.startswith("fabric: no cell with theta_diff below 1 degree is valid")

@@ -8,8 +8,8 @@ import pytest
 from fitters.expressions import parse
 from fitters.fitting.problem import lit_source
 from fitters.grid import CELLS, cell_directions
-from fitters.judging.card import METRIC_NAMES, Judge
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.card import Judge
+from fitters.judging.metrics import CARD_METRICS, IMAGE_METRICS
 from fitters.materials import load_material
 from fitters.models import FormulaModel, MeasuredTable
 from fitters.models.baselines import judge_at
@@ -46,7 +46,7 @@ def test_the_light_error_is_that_of_a_baseline(judge):
 
 def test_every_metric_has_its_value_and_no_picture_metric_is_missing(judge):
     card, _ = judge.card(FormulaModel(parse("p0"), np.full((3, 1), 0.1)))
-    assert set(card.metrics) == set(METRIC_NAMES) >= set(IMAGE_METRICS)
+    assert set(card.metrics) == set(CARD_METRICS) >= set(IMAGE_METRICS)
     assert all(math.isfinite(value) for value in card.metrics.values())
 
 

@@ -9,8 +9,8 @@ import pytest
 from skimage.color import deltaE_ciede2000, rgb2lab
 
 from fitters.errors import FittersError
-from fitters.judging.colour_difference import delta_e_itp, ictcp, lab_difference
-from fitters.judging.image_metrics import IMAGE_METRICS
+from fitters.judging.metrics import IMAGE_METRICS
+from fitters.judging.metrics.colour_difference import delta_e_itp, ictcp, lab_difference
 from fitters.rendering import Picture
 from fitters.rendering.display import MIDDLE_GREY, displayed, exposure, srgb
 
@@ -278,9 +278,10 @@ def test_a_picture_that_is_none_is_refused(pixels, foreground, message):
 def test_the_colour_library_is_loaded_late_and_silently():
     program = (
         "import sys, numpy as np, fitters.rendering as r\n"
+        "from fitters.judging.metrics import IMAGE_METRICS\n"
         "assert 'colour' not in sys.modules\n"
         "seen = r.Picture(np.ones((4, 4, 3)), np.ones((4, 4), bool))\n"
-        "for name in ('delta-e-2000', 'delta-e-itp'): r.IMAGE_METRICS[name].compare(seen, seen)\n"
+        "for name in ('delta-e-2000', 'delta-e-itp'): IMAGE_METRICS[name].compare(seen, seen)\n"
     )
     done = subprocess.run([sys.executable, "-W", "always", "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

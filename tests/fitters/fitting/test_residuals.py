@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitters.fitting import METRICS, fit_problem
+from fitters.fitting import RESIDUALS, fit_problem
 from fitters.judging.metrics import weighted_median
 
 
@@ -18,21 +18,21 @@ def error(metric, light, measured, values):
     return np.linalg.norm(w * (values - measured)) / metric.scale(w, measured)
 
 
-@pytest.mark.parametrize("name", METRICS)
+@pytest.mark.parametrize("name", RESIDUALS)
 def test_a_perfect_fit_has_no_error(name, cells):
-    assert error(METRICS[name], *cells, cells[1]) == 0
+    assert error(RESIDUALS[name], *cells, cells[1]) == 0
 
 
 @pytest.mark.parametrize("name", ["light", "compressive"])
 def test_black_has_error_one_at_any_exposure(name, cells):
     light, measured = cells
     # To the last bit or two: the two lengths are added up from differently rounded numbers.
-    assert error(METRICS[name], light, measured, 0 * measured) == pytest.approx(1, rel=1e-15)
-    assert error(METRICS[name], 7 * light, 3 * measured, 0 * measured) == pytest.approx(1, rel=1e-14)
+    assert error(RESIDUALS[name], light, measured, 0 * measured) == pytest.approx(1, rel=1e-15)
+    assert error(RESIDUALS[name], 7 * light, 3 * measured, 0 * measured) == pytest.approx(1, rel=1e-14)
 
 
 def test_the_light_error_is_relative(cells):
-    assert error(METRICS["light"], *cells, 1.1 * cells[1]) == pytest.approx(0.1)
+    assert error(RESIDUALS["light"], *cells, 1.1 * cells[1]) == pytest.approx(0.1)
 
 
 def test_compressive_weights_are_those_of_the_factor_paper(cells):
@@ -44,7 +44,7 @@ def test_compressive_weights_are_those_of_the_factor_paper(cells):
     x = measured / median
     f = (1 - np.exp(-np.log(2) * x)) / np.log(2)
     expected = light**2 * (f / x) ** 1.4
-    np.testing.assert_allclose(METRICS["compressive"].weights(light, measured) ** 2, expected, rtol=1e-9)
+    np.testing.assert_allclose(RESIDUALS["compressive"].weights(light, measured) ** 2, expected, rtol=1e-9)
     assert weighted_median(measured, light) == median
 
 
@@ -61,27 +61,27 @@ def test_the_weighted_median_of_many_is_that_of_all_sorted(values):
 def test_compressive_weights_of_dark_cells_are_the_light(cells):
     light, measured = cells[0], cells[1].copy()
     measured[:10] = 0
-    weights = METRICS["compressive"].weights(light, measured)
+    weights = RESIDUALS["compressive"].weights(light, measured)
     np.testing.assert_array_equal(weights[:10], light[:10])
     assert np.all(weights <= light)
-    assert np.all(np.isfinite(METRICS["compressive"].weights(light, 0 * measured)))
+    assert np.all(np.isfinite(RESIDUALS["compressive"].weights(light, 0 * measured)))
 
 
 def test_light_sum_is_the_root_of_equation_4(cells):
     """S' = sum (T f1 - T f2)^2, combined over targets by the L2 norm as section 3.2 of the paper says."""
     light, measured = cells
     values = measured + 0.1
-    metric = METRICS["light-sum"]
+    metric = RESIDUALS["light-sum"]
     assert error(metric, light, measured, values) ** 2 == pytest.approx(np.sum((light * 0.1) ** 2))
     assert metric.combine(np.array([3.0, 4.0])) == pytest.approx(5)
 
 
 def test_targets_combine_by_root_mean_square():
-    assert METRICS["light"].combine(np.array([1.0, 7.0])) == pytest.approx(5)
-    assert METRICS["light"].combine(np.array([1.0, np.inf])) == np.inf
+    assert RESIDUALS["light"].combine(np.array([1.0, 7.0])) == pytest.approx(5)
+    assert RESIDUALS["light"].combine(np.array([1.0, np.inf])) == np.inf
 
 
-@pytest.mark.parametrize("name", METRICS)
+@pytest.mark.parametrize("name", RESIDUALS)
 def test_the_cells_of_a_problem_carry_the_metric(name, light, shiny):
     """A target's error is || weights f - targets ||, with weights w / s."""
     problem = fit_problem([shiny], light, metric=name, sample_cells=100, seed=1)
@@ -89,6 +89,6 @@ def test_the_cells_of_a_problem_carry_the_metric(name, light, shiny):
     for channel in range(3):
         carried = light.table[channel].ravel()[index].astype(np.float64)
         measured = shiny.table[channel].ravel()[index].astype(np.float64)
-        expected = error(METRICS[name], carried, measured, 0.3 + 0 * measured)
+        expected = error(RESIDUALS[name], carried, measured, 0.3 + 0 * measured)
         found = np.linalg.norm(problem.full.weights[channel] * 0.3 - problem.full.targets[channel].astype(float))
         assert found == pytest.approx(expected, rel=1e-5)

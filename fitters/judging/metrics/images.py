@@ -1,19 +1,19 @@
-"""How far the picture of a model is from the true one: each metric with its protocol in words.
+"""How far the picture of a model is from that of the measurement, the truth.
 
-All of them look at the foreground only and take the exposure, where they need one, from the truth only, so that
+All metrics look at the foreground only and take the exposure, where they need one, from the truth only, so that
 neither the size of the background nor the scale of the light changes a value.
 """
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
 from fitters.errors import FittersError
 from fitters.grid import Array
-from fitters.judging.colour_difference import PEAK, delta_e_2000, delta_e_itp
+from fitters.judging.metrics.colour_difference import PEAK, delta_e_2000, delta_e_itp
+from fitters.judging.metrics.contract import Compared, Comparison, Metric
 from fitters.rendering import display
 from fitters.rendering.picture import Picture
 
@@ -27,26 +27,27 @@ FLIP_RADIUS = 10
 """Pixels that FLIP's widest filter reaches, at so many pixels per degree."""
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """What a metric finds: its value, and per pixel (h, w) where it comes from; larger is worse, 0 outside."""
-
-    value: float
-    per_pixel: Array | None
-
-
 @dataclass(frozen=True)
-class ImageMetric:
-    """A distance (or likeness) of two pictures: `compare(truth, model)`.
-
-    `compare` raises `FittersError` where the pictures differ in shape or foreground, or the truth is black.
+class ImageMetric(Metric):
+    """A distance (or likeness) of two pictures; `between(truth, model)` is asked about pictures that `compare` has
+    checked.
     """
 
-    name: str
-    unit: str
-    better: Literal["lower", "higher"]
-    protocol: str
-    compare: Callable[[Picture, Picture], Comparison]
+    _: KW_ONLY
+    between: Callable[[Picture, Picture], Comparison]
+
+    def compare(self, truth: Picture, model: Picture) -> Comparison:
+        """Raises `FittersError` where the pictures differ in shape or foreground, or the truth is black."""
+        if not np.array_equal(truth.foreground, model.foreground):
+            raise FittersError("pictures of different foregrounds cannot be compared: render both in one scene")
+        if not truth.pixels.any():
+            raise FittersError("the true picture is black: no light reaches what is seen; rotate the light")
+        return self.between(truth, model)
+
+    def measure(self, compared: Compared) -> Comparison:
+        if compared.truth is None or compared.picture is None:
+            raise FittersError(f"{compared.material.name}: {self.name} compares pictures, and none were rendered")
+        return self.compare(compared.truth, compared.picture)
 
 
 def psnr(truth: Array, model: Array) -> float:
@@ -142,72 +143,64 @@ def _cropped(image: Array, radius: int) -> Array:
     return image[radius:-radius, radius:-radius]
 
 
-def _checked(compare: Callable[[Picture, Picture], Comparison]) -> Callable[[Picture, Picture], Comparison]:
-    def checked(truth: Picture, model: Picture) -> Comparison:
-        if not np.array_equal(truth.foreground, model.foreground):
-            raise FittersError("pictures of different foregrounds cannot be compared: render both in one scene")
-        if not truth.pixels.any():
-            raise FittersError("the true picture is black: no light reaches what is seen; rotate the light")
-        return compare(truth, model)
-
-    return checked
-
-
 _LINEAR = "linear RGB, no exposure, foreground pixels only"
 _DISPLAYED = f"displayed sRGB ({display.PROTOCOL})"
 _BORDER = "windows at the silhouette see black background"
 
-IMAGE_METRICS = {
-    metric.name: metric
-    for metric in (
-        ImageMetric(
-            name="l2",
-            unit="",
-            better="lower",
-            protocol="|| I - J || / || J || over pixels and channels, J the truth: the L^2 error in RGB of Brady "
-            f"et al. 2014, relative to the truth; {_LINEAR}",
-            compare=_checked(_l2),
-        ),
-        ImageMetric(
-            name="psnr",
-            unit="dB",
-            better="higher",
-            protocol="10 log10(peak^2 / mean square error), the peak being the largest component of the truth's "
-            f"foreground (Bagher et al. 2016, section 5); infinite for equal pictures; {_LINEAR}",
-            compare=_checked(_psnr),
-        ),
-        ImageMetric(
-            name="1-ssim",
-            unit="",
-            better="lower",
-            protocol="1 - SSIM (Wang et al. 2004; scikit-image: 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 "
-            f"0.03, range 1), the mean over R, G, B and foreground pixels; {_BORDER}; {_DISPLAYED}",
-            compare=_checked(_dissimilarity),
-        ),
-        ImageMetric(
-            name="delta-e-2000",
-            unit="CIEDE2000",
-            better="lower",
-            protocol="CIEDE2000, weights 1 (colour-science), the mean over foreground pixels; CIELAB, D65, 2 "
-            f"degree observer, of {_DISPLAYED}",
-            compare=_checked(_delta_e_2000),
-        ),
-        ImageMetric(
-            name="delta-e-itp",
-            unit="Delta E ITP",
-            better="lower",
-            protocol="Delta E ITP of BT.2124 (colour-science), 1 being just noticeable, the mean over foreground "
-            f"pixels; ICtCp of BT.2100 PQ, clipped to {PEAK:,.0f} cd/m^2; {display.ABSOLUTE_PROTOCOL}",
-            compare=_checked(_delta_e_itp),
-        ),
-        ImageMetric(
-            name="flip",
-            unit="",
-            better="lower",
-            protocol=f"LDR-FLIP (Andersson et al. 2020; flip-evaluator) at {PIXELS_PER_DEGREE:g} pixels per "
-            f"degree, the mean of its error map over foreground pixels, 0 to 1; {_BORDER}; {_DISPLAYED}",
-            compare=_checked(_flip),
-        ),
-    )
-}
-"""By name: the image metrics, those of the papers first. No single one ranks models as people do."""
+METRICS = (
+    ImageMetric(
+        "l2",
+        "image",
+        "|| I - J || / || J || over pixels and channels, J the truth: the L^2 error in RGB of Brady et al. 2014, "
+        f"relative to the truth; {_LINEAR}",
+        label="image L2",
+        between=_l2,
+    ),
+    ImageMetric(
+        "psnr",
+        "image",
+        "10 log10(peak^2 / mean square error), the peak being the largest component of the truth's foreground "
+        f"(Bagher et al. 2016, section 5); infinite for equal pictures; {_LINEAR}",
+        unit="dB",
+        better="higher",
+        label="PSNR",
+        between=_psnr,
+    ),
+    ImageMetric(
+        "1-ssim",
+        "image",
+        "1 - SSIM (Wang et al. 2004; scikit-image: 11 x 11 Gaussian window of sigma 1.5, K1 0.01, K2 0.03, range "
+        f"1), the mean over R, G, B and foreground pixels; {_BORDER}; {_DISPLAYED}",
+        label="1 - SSIM",
+        between=_dissimilarity,
+    ),
+    ImageMetric(
+        "delta-e-2000",
+        "image",
+        "CIEDE2000, weights 1 (colour-science), the mean over foreground pixels; CIELAB, D65, 2 degree observer, "
+        f"of {_DISPLAYED}",
+        unit="CIEDE2000",
+        label="CIEDE2000",
+        short="dE 2000",
+        between=_delta_e_2000,
+    ),
+    ImageMetric(
+        "delta-e-itp",
+        "image",
+        "Delta E ITP of BT.2124 (colour-science), 1 being just noticeable, the mean over foreground pixels; ICtCp "
+        f"of BT.2100 PQ, clipped to {PEAK:,.0f} cd/m^2; {display.ABSOLUTE_PROTOCOL}",
+        unit="Delta E ITP",
+        label="Delta E ITP",
+        short="dE ITP",
+        between=_delta_e_itp,
+    ),
+    ImageMetric(
+        "flip",
+        "image",
+        f"LDR-FLIP (Andersson et al. 2020; flip-evaluator) at {PIXELS_PER_DEGREE:g} pixels per degree, the mean "
+        f"of its error map over foreground pixels, 0 to 1; {_BORDER}; {_DISPLAYED}",
+        label="FLIP",
+        between=_flip,
+    ),
+)
+"""The metrics of the papers first. No single one ranks models as people do."""
