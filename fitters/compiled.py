@@ -28,6 +28,12 @@ from numba.core.serialize import dumps
 
 from fitters import cache
 
+SHARED = tuple(
+    Path(__file__).parent / name
+    for name in ("backends/machine.py", "backends/math32.py", "expressions/operators.py")
+)
+"""Files whose functions, or facts, are compiled into code of other folders."""
+
 
 def entry(**options: Any) -> Callable[[Callable], Any]:
     """`numba.njit(**options)`, kept on disk."""
@@ -54,11 +60,11 @@ def c_function(signature: Any, **options: Any) -> Callable[[Callable], CFunc]:
 
 @functools.cache
 def folder(sources: Path) -> Path:
-    """Where the code compiled from the files in `sources` is kept: named after the content of them all.
+    """Where the code compiled from the files in `sources` is kept: named after their content and that of `SHARED`.
 
     A function's own file would not do, since functions of others are compiled into it.
     """
-    contents = [path.read_bytes() for path in sorted(sources.glob("*.py"))]
+    contents = [path.read_bytes() for path in (*sorted(sources.glob("*.py")), *SHARED)]
     return cache.folder() / f"compiled-{cache.digest(*contents)}"
 
 

@@ -46,17 +46,9 @@ compiled.compile()
 
 def refused_lines(source: str) -> set[int]:
     """The lines that ruff's security rules refuse in a module of the product, by this project's settings."""
-    command = [
-        sys.executable,
-        "-m",
-        "ruff",
-        "check",
-        "--output-format",
-        "json",
-        "--stdin-filename",
-        "gpsearch/a.py",
-        "-",
-    ]
+    options = ["--output-format", "json", "--stdin-filename", "gpsearch/a.py", "-"]
+    command = [sys.executable, "-m", "ruff", "check", "--output-format", "json"]
+    command += ["--stdin-filename", "gpsearch/a.py", "-"]
     result = subprocess.run(command, input=source, capture_output=True, text=True, check=False, cwd=ROOT)
     found = json.loads(result.stdout)
     return {one["location"]["row"] for one in found if one["code"].startswith("S") or one["code"] == "TID251"}

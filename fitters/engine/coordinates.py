@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from fitters.engine.program import Program
+from fitters.backends.program import Program
 from fitters.grid import Array
 
 

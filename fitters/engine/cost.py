@@ -4,8 +4,8 @@ import time
 
 import numpy as np
 
-from fitters.engine.machine import run_block
-from fitters.engine.program import lower_whole
+from fitters.backends.machine import run_block
+from fitters.backends.program import lower_whole
 from fitters.engine.projection import BLOCK
 from fitters.expressions.evaluation import features
 from fitters.expressions.expression import Expression

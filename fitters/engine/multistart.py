@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from fitters import compiled
-from fitters.engine.math32 import load
+from fitters.backends.math32 import load
 from fitters.engine.objective import compute, integers, objective, project
 from fitters.engine.projection import BLOCK, combine
 from fitters.engine.simplex import copy, nelder_mead

@@ -7,8 +7,8 @@ of the box is clipped to it. The objective is the sum of squares of `projection.
 import numpy as np
 from numba import carray, njit, types
 
-from fitters.engine.machine import run_scalars
-from fitters.engine.math32 import address_as, call_kernel
+from fitters.backends.machine import run_scalars
+from fitters.backends.math32 import address_as, call_kernel
 from fitters.engine.projection import BLOCK, normal_equations, solve_box, sum_of_squares
 
 _INNER = {"error_model": "numpy"}

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.backends.machine import kernel_address
+from fitters.backends.program import Program, lower
 from fitters.engine.coordinates import Coordinates
-from fitters.engine.machine import kernel_address
 from fitters.engine.multistart import Descent, add_squares, fit_targets, polish_targets, state_targets
 from fitters.engine.objective import MACHINE
-from fitters.engine.program import Program, lower
 from fitters.engine.projection import BLOCK
 from fitters.expressions.expression import Expression
 from fitters.grid import Array

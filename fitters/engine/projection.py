@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from fitters import compiled
-from fitters.engine.math32 import FLAGS, ZERO, load
+from fitters.backends.math32 import FLAGS, ZERO, load
 
 _LOOP = {"fastmath": FLAGS, "error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _INNER = {"error_model": "numpy"}

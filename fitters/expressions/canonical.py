@@ -12,20 +12,10 @@ from math import copysign, isfinite
 from typing import NamedTuple
 from zlib import crc32
 
-import numpy as np
-
 from fitters.expressions import grammar
-from fitters.expressions.evaluation import FUNCTIONS, dot_feature
 from fitters.expressions.expression import Expression
-
-_DOTS = {
-    "wi.wo": "dot(wi, wo)",
-    "wi.wh": "dot(wi, wh)",
-    "wo.wr": "dot(wo, wr)",
-    "wh.wr": "dot(wh, wr)",
-    "2 wi.z^2 - 1": "dot(wi, wr)",
-}
-_UNORDERED = frozenset(("sum", "product", "max", "min"))
+from fitters.expressions.operators import OPERATORS
+from fitters.expressions.simplification import folded, simplified
 
 
 @dataclass(frozen=True)
@@ -34,6 +24,12 @@ class Canonical:
 
     text: str
     names: Mapping[str, str] = field(hash=False)
+
+
+_DOTS = {
+    grammar.feature(first, second): f"dot({first}, {second})"
+    for first, second in (("wi", "wo"), ("wi", "wh"), ("wo", "wr"), ("wh", "wr"), ("wi", "wr"))
+}
 
 
 class _Node(NamedTuple):
@@ -54,7 +50,7 @@ def canonical(expression: Expression) -> Canonical:
     flat = _flat(expression)
     contexts: dict[str, list[int]] = {}
     _collect_contexts(flat, 0, contexts)
-    _, ordered = _ordered(flat, {name: ".".join(map(str, sorted(found))) for name, found in contexts.items()})
+    _, ordered = _ordered(flat, {name: ".".join(map(str, sorted(sums))) for name, sums in contexts.items()})
     names: dict[str, str] = {}
     return Canonical(_bare(_text(ordered, names), ordered), names)
 
@@ -62,35 +58,48 @@ def canonical(expression: Expression) -> Canonical:
 def _flat(node: Expression) -> _Node:
     symbol = node.symbol
     if symbol == "dot":
-        feature = dot_feature(node.children[0].symbol, node.children[1].symbol)
+        feature = grammar.feature(*(child.symbol for child in node.children))
         return _ONE if feature == "1" else _Node(feature)
     if not node.children:
         if grammar.kind(symbol) == "constant":
             return _Node("constant", value=grammar.value(symbol))
-        return _Node("wi.z" if symbol == "wr.z" else symbol)
-    children = tuple(_flat(child) for child in node.children)
-    folded = _folded(symbol, children)
-    if folded is not None:
-        return folded
+        return _Node(grammar.feature(symbol))
+    operator, children = OPERATORS[symbol], tuple(_flat(child) for child in node.children)
+    constant = folded(_FORM, operator, children)
+    if constant is not None:
+        return constant
     if symbol == "neg":
         return _negated(children[0])
     if symbol in ("add", "sub"):
         return _sum(children[0], children[1] if symbol == "add" else _negated(children[1]))
     if symbol in ("mul", "div"):
         return _product(children[0], children[1], inverse=symbol == "div")
-    if symbol == "pow" and children[1] == _ONE:
-        return children[0]
-    return _Node(symbol, children)
+    return simplified(_FORM, operator, children) or _Node(symbol, children)
 
 
-def _folded(symbol: str, children: tuple[_Node, ...]) -> _Node | None:
-    values = [child.value for child in children if child.value is not None]
-    if len(values) < len(children):
-        return None
-    with np.errstate(all="ignore"):
-        value = float(FUNCTIONS[symbol](*map(np.float64, values)))
-    # -0.0 is left alone: its reciprocal has the other sign.
-    return _Node("constant", value=value) if isfinite(value) and (value or copysign(1.0, value) > 0) else None
+class _Form:
+    """How the rules of simplification see these nodes; sums and products are not left to them."""
+
+    def value(self, node: _Node) -> float | None:
+        return node.value
+
+    def constant(self, value: float) -> _Node | None:
+        # -0.0 is left alone: its reciprocal has the other sign.
+        fits = isfinite(value) and (value or copysign(1.0, value) > 0)
+        return _Node("constant", value=value) if fits else None
+
+    def operands(self, node: _Node, operator: str) -> tuple[_Node, ...] | None:
+        return node.children if node.symbol == operator else None
+
+    def make(self, operator: str, *operands: _Node) -> _Node:
+        return _Node(operator, operands)
+
+
+_FORM = _Form()
+
+
+def _unordered(symbol: str) -> bool:
+    return symbol in ("sum", "product") or (symbol in OPERATORS and OPERATORS[symbol].commutative)
 
 
 def _negated(node: _Node) -> _Node:
@@ -159,7 +168,7 @@ def _collect_contexts(node: _Node, path: int, contexts: dict[str, list[int]]) ->
             contexts.setdefault(node.symbol, []).append(path)
         return
     for place, child in enumerate(node.children):
-        position = "" if node.symbol in _UNORDERED else str(place)
+        position = "" if _unordered(node.symbol) else str(place)
         _collect_contexts(child, crc32(f"{node.symbol}{position}".encode(), path), contexts)
 
 
@@ -169,7 +178,7 @@ def _ordered(node: _Node, signatures: Mapping[str, str]) -> tuple[str, _Node]:
         text = repr(node.value) if node.value is not None else f"p{signatures.get(node.symbol, node.symbol)}"
         return text, node
     pairs = [_ordered(child, signatures) for child in node.children]
-    if node.symbol in _UNORDERED:
+    if _unordered(node.symbol):
         pairs.sort(key=lambda pair: pair[0])
     key = f"{node.symbol}({','.join(key for key, _ in pairs)})"
     return key, _Node(node.symbol, tuple(child for _, child in pairs))

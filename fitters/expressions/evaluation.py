@@ -1,31 +1,13 @@
-"""Plain float64 evaluation with NumPy: the meaning of an expression, which every faster engine must reproduce."""
+"""The NumPy backend in float64: the meaning of an expression, which every other backend must reproduce."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
-from fitters.expressions import grammar
 from fitters.expressions.expression import Expression
+from fitters.expressions.lowered import CELL, CONSTANT, Lowered, Walk, lowered
+from fitters.expressions.operators import OPERATORS
 from fitters.grid import Array
-
-FUNCTIONS: dict[str, Callable[..., Array]] = {
-    "neg": np.negative,
-    "sin": np.sin,
-    "cos": np.cos,
-    "tan": np.tan,
-    "exp": np.exp,
-    "asin": np.arcsin,
-    "acos": np.arccos,
-    "atan": np.arctan,
-    "sqrt": np.sqrt,
-    "add": np.add,
-    "sub": np.subtract,
-    "mul": np.multiply,
-    "div": np.divide,
-    "max": np.maximum,
-    "min": np.minimum,
-    "pow": np.power,
-}
 
 FEATURES = ("wi.z", "wo.z", "wh.z", "wi.wo", "wi.wh", "wo.wr", "wh.wr")
 """All that the grammar can see of two directions: every dot product and component is one of these, or follows."""
@@ -51,23 +33,34 @@ def features(w_i: Array, w_o: Array) -> dict[str, Array]:
     }
 
 
-def dot_feature(first: str, second: str) -> str:
-    """The feature that a dot product is; `1` for a vector with itself, `2 wi.z^2 - 1` for w_i with w_r."""
-    a, b = sorted((first, second))
-    if a == b:
-        return "1"
-    if "wn" in (a, b):
-        other = b if a == "wn" else a
-        return "wi.z" if other == "wr" else f"{other}.z"
-    if (a, b) == ("wi", "wr"):
-        return "2 wi.z^2 - 1"
-    return {
-        ("wi", "wo"): "wi.wo",
-        ("wh", "wi"): "wi.wh",
-        ("wh", "wo"): "wi.wh",
-        ("wo", "wr"): "wo.wr",
-        ("wh", "wr"): "wh.wr",
-    }[a, b]
+class Evaluator:
+    """Nodes of a lowered form computed by NumPy in float64, any number of times.
+
+    roots: the nodes that are wanted; given: those whose values the caller has, see `Walk`
+    """
+
+    def __init__(self, form: Lowered, roots: Iterable[int], given: Collection[int] = ()) -> None:
+        self._walk = Walk[Array](form, roots, given)
+
+    def run(
+        self,
+        parameters: Mapping[str, Array | float] | None = None,
+        features: Mapping[str, Array] | None = None,
+        given: Mapping[int, Array] | None = None,
+    ) -> list[Array]:
+        """Values of the roots, of whatever shape they broadcast to; not finite where a formula is not."""
+
+        def leaf(kind: str, label: float | str) -> Array:
+            if kind == "feature":
+                return (features or {})[str(label)]
+            return np.asarray((parameters or {})[str(label)] if kind == "param" else label, dtype=np.float64)
+
+        with np.errstate(all="ignore"):
+            return self._walk.run(leaf, _operation, given)
+
+
+def _operation(operator: str, *operands: Array) -> Array:
+    return OPERATORS[operator].meaning(*operands)
 
 
 def evaluate(expression: Expression, parameters: Mapping[str, Array | float], w_i: Array, w_o: Array) -> Array:
@@ -82,42 +75,28 @@ def evaluate_features(
     expression: Expression,
     parameters: Mapping[str, Array | float],
     seen: Mapping[str, Array],
-    known: Mapping[Expression, Array] | None = None,
+    known: Mapping[int, Array] | None = None,
 ) -> Array:
-    """As `evaluate`, for features that are already there, and `known` values of subexpressions on them."""
+    """As `evaluate`, for features that are there, and values of `parameter_free` subexpressions on them."""
+    form, root = lowered(expression)
+    (values,) = Evaluator(form, [root], known or ()).run(parameters, seen, known)
     shape = np.shape(seen["wi.z"])
-    with np.errstate(all="ignore"):
-        return np.broadcast_to(_value(expression, parameters, seen, known or {}), shape) + np.zeros(shape)
+    return np.broadcast_to(values, shape) + np.zeros(shape)
 
 
-def parameter_free(expression: Expression, seen: Mapping[str, Array]) -> dict[Expression, Array]:
-    """Values of the largest subexpressions that no parameter touches: the same for every target."""
-    if not expression.parameters:
-        return {expression: evaluate_features(expression, {}, seen)} if expression.children else {}
-    found: dict[Expression, Array] = {}
-    for child in expression.children:
-        found |= parameter_free(child, seen)
-    return found
-
-
-def _value(
-    node: Expression,
-    parameters: Mapping[str, Array | float],
-    seen: Mapping[str, Array],
-    known: Mapping[Expression, Array],
-) -> Array:
-    if node in known:
-        return known[node]
-    if node.symbol == "dot":
-        name = dot_feature(node.children[0].symbol, node.children[1].symbol)
-        if name == "1":
-            return np.asarray(1.0)
-        return seen[name] if name in seen else 2.0 * seen["wi.z"] ** 2 - 1.0
-    if node.children:
-        return FUNCTIONS[node.symbol](*(_value(child, parameters, seen, known) for child in node.children))
-    kind = grammar.kind(node.symbol)
-    if kind == "parameter":
-        return np.asarray(parameters[node.symbol], dtype=np.float64)
-    if kind == "component":
-        return seen["wi.z" if node.symbol == "wr.z" else node.symbol]
-    return np.asarray(grammar.value(node.symbol))
+def parameter_free(expression: Expression, seen: Mapping[str, Array]) -> dict[int, Array]:
+    """Values of the largest subexpressions that no parameter touches, by node: the same for every target."""
+    form, root = lowered(expression)
+    free = (CELL, CONSTANT)
+    read = {
+        child
+        for node, node_class in enumerate(form.classes)
+        if node_class not in free
+        for child in form.children(node)
+    }
+    wanted = [node for node in sorted(read | {root}) if form.classes[node] in free and form.children(node)]
+    shape = np.shape(seen["wi.z"])
+    values = Evaluator(form, wanted).run(features=seen)
+    return {
+        node: np.broadcast_to(array, shape) + np.zeros(shape) for node, array in zip(wanted, values, strict=True)
+    }

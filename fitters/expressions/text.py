@@ -9,13 +9,13 @@ import re
 from fitters.errors import FittersError
 from fitters.expressions import grammar
 from fitters.expressions.expression import MAX_DEPTH, Expression
+from fitters.expressions.operators import CALL, OPERATORS, SUM
 
 MAX_LENGTH = 50_000
 """Characters: some hundred times the longest published formula."""
 
-_INFIX = {"add": ("+", 1), "sub": ("-", 1), "mul": ("*", 2), "div": ("/", 2)}
-_OPERATORS = {sign: (name, precedence) for name, (sign, precedence) in _INFIX.items()}
-_NEGATION = 3
+_INFIX = {operator.sign: operator for operator in OPERATORS.values() if operator.sign and operator.arity == 2}
+_PREFIX = {operator.sign: operator for operator in OPERATORS.values() if operator.sign and operator.arity == 1}
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>\d+\.?\d*(?:[eE][+-]?\d+)?)|(?P<name>[A-Za-z_]\w*(?:\.[A-Za-z]\w*)?)|(?P<sign>[-+*/(),]))",
     re.ASCII,
@@ -28,17 +28,16 @@ def to_text(expression: Expression) -> str:
 
 
 def _print(node: Expression) -> tuple[str, int]:
-    """Text of a node and the precedence of its outermost operator (4 for what never needs parentheses)."""
-    if node.symbol in _INFIX:
-        sign, precedence = _INFIX[node.symbol]
-        left = _enclose(node.children[0], precedence)
-        right = _enclose(node.children[1], precedence + 1)
-        return f"{left} {sign} {right}", precedence
-    if node.symbol == "neg":
-        return f"-{_enclose(node.children[0], _NEGATION)}", _NEGATION
+    """Text of a node and the precedence of its outermost operator (`CALL` for what never needs parentheses)."""
+    operator = OPERATORS.get(node.symbol)
+    if operator is not None and operator.sign:
+        *before, last = node.children
+        right = _enclose(last, operator.precedence + len(before))
+        left = "".join(f"{_enclose(child, operator.precedence)} " for child in before)
+        return f"{left}{operator.sign}{' ' if before else ''}{right}", operator.precedence
     if node.children:
-        return f"{node.symbol}({', '.join(_print(child)[0] for child in node.children)})", 4
-    return node.symbol, 4
+        return f"{node.symbol}({', '.join(_print(child)[0] for child in node.children)})", CALL
+    return node.symbol, CALL
 
 
 def _enclose(node: Expression, least: int) -> str:
@@ -66,7 +65,7 @@ class _Parser:
         self.depth = 0
 
     def whole(self) -> Expression:
-        node = self.expression(1)
+        node = self.expression(SUM)
         if self.peek() is not None:
             raise self.error("an operator or the end")
         if node.is_vector:
@@ -84,19 +83,19 @@ class _Parser:
                 f"an expression may be nested at most {MAX_DEPTH} levels deep (character {self.position()})"
             )
         token = self.peek()
-        if token == "-":
+        if token is not None and token in _PREFIX:
             self.at += 1
-            node = self.node("neg", (self.expression(_NEGATION, steps=2),))
+            prefix = _PREFIX[token]
+            node = self.node(prefix.name, (self.expression(prefix.precedence, steps=2),))
         elif token == "(":
             self.at += 1
-            node = self.expression(1)
+            node = self.expression(SUM)
             self.expect(")")
         else:
             node = self.operand(token)
-        while (sign := self.peek()) in _OPERATORS and _OPERATORS[sign][1] >= least:
+        while (operator := _INFIX.get(self.peek() or "")) is not None and operator.precedence >= least:
             self.at += 1
-            name, precedence = _OPERATORS[sign]
-            node = self.node(name, (node, self.expression(precedence + 1)))
+            node = self.node(operator.name, (node, self.expression(operator.precedence + 1)))
         self.depth -= steps
         return node
 
@@ -116,16 +115,16 @@ class _Parser:
 
     def named(self, name: str) -> Expression:
         kind = grammar.kind(name)
-        if not kind or name in _INFIX or name == "neg":
+        if not kind or (name in OPERATORS and OPERATORS[name].sign):
             raise self.error("a function, vector, component, parameter or constant of the grammar")
         self.at += 1
         if not grammar.arity(name):
             return Expression(name)
         self.expect("(")
-        children = [self.expression(1, steps=2)]
+        children = [self.expression(SUM, steps=2)]
         while len(children) < grammar.arity(name):
             self.expect(",")
-            children.append(self.expression(1, steps=2))
+            children.append(self.expression(SUM, steps=2))
         self.expect(")")
         return self.node(name, tuple(children))
 
@@ -149,9 +148,9 @@ class _Parser:
 
     def error(self, wanted: str, back: int = 0) -> FittersError:
         at = self.at - back
-        found = f"'{self.tokens[at][0][:40]}'" if at < len(self.tokens) else "the end"
+        there = f"'{self.tokens[at][0][:40]}'" if at < len(self.tokens) else "the end"
         return FittersError(
-            f"expected {wanted} at character {self.position(back)} of {_excerpt(self.text)}, found {found}"
+            f"expected {wanted} at character {self.position(back)} of {_excerpt(self.text)}, found {there}"
         )
 
 

@@ -11,14 +11,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fitters.backends.double import Double
+from fitters.backends.program import lower
 from fitters.engine.coordinates import Coordinates
-from fitters.engine.double import Double
 from fitters.engine.prepared import linear_units
-from fitters.engine.program import lower
 from fitters.expressions import Expression
-from fitters.fitting.fit import Bounds, Fit
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import Fit
 from fitters.fitting.least_squares import LeastSquares
-from fitters.fitting.problem import Cells
+from fitters.fitting.settings import Bounds
 from fitters.grid import Array
 from fitters.judging.metrics import Residual
 

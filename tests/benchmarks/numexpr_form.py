@@ -7,8 +7,8 @@ import numexpr
 import numpy as np
 
 from fitters.expressions import Expression, grammar
-from fitters.expressions.evaluation import FEATURES, dot_feature
-from fitters.fitting.problem import Cells
+from fitters.expressions.evaluation import FEATURES
+from fitters.fitting.cells import Cells
 
 _SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _CALLS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
@@ -38,7 +38,7 @@ def objective(expression: Expression, parameters: Mapping[str, float], cells: Ce
 def _rendered(node: Expression, names: Mapping[str, str], values: dict[str, np.ndarray]) -> str:
     """A formula's text. Its constants join `values`: a literal would turn the whole formula to float64."""
     if node.symbol == "dot":
-        return names[dot_feature(node.children[0].symbol, node.children[1].symbol)]
+        return names[grammar.feature(*(child.symbol for child in node.children))]
     if not node.children:
         return _leaf(node.symbol, names, values)
     children = [_rendered(child, names, values) for child in node.children]

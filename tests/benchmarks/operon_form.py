@@ -7,8 +7,8 @@ import numpy as np
 import pyoperon
 
 from fitters.expressions import Expression, grammar
-from fitters.expressions.evaluation import FEATURES, dot_feature
-from fitters.fitting.problem import Cells
+from fitters.expressions.evaluation import FEATURES
+from fitters.fitting.cells import Cells
 
 _TYPES = {
     "neg": "Sub",
@@ -55,7 +55,7 @@ def objective(expression: Expression, parameters: Mapping[str, float], cells: Ce
 def _postfix(node: Expression, parameters: Mapping[str, float], hashes: Mapping[str, int]) -> list[pyoperon.Node]:
     """Operon's order: an operator after its operands, the first operand last."""
     if node.symbol == "dot":
-        return [_variable(hashes[dot_feature(node.children[0].symbol, node.children[1].symbol)])]
+        return [_variable(hashes[grammar.feature(*(child.symbol for child in node.children))])]
     if node.children:
         operands = (_postfix(child, parameters, hashes) for child in reversed(node.children))
         kind = _TYPES.get(node.symbol) or _extremes()[node.symbol]

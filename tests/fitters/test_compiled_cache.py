@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from fitters import cache, compiled
-from fitters.engine import machine
-from fitters.engine.machine import run_scalars
+from fitters.backends import machine
+from fitters.backends.machine import run_scalars
 from fitters.engine.warm import warm_up
 
 REPOSITORY = Path(__file__).parents[2]
@@ -20,9 +20,9 @@ REPOSITORY = Path(__file__).parents[2]
 SCALARS = """
 import json
 import numpy as np
-from fitters.engine import machine
-from fitters.engine.machine import run_scalars
-from fitters.engine.opcodes import SCALAR_OPCODE
+from fitters.backends import machine
+from fitters.backends.machine import run_scalars
+from fitters.backends.machine import SCALAR_OPCODE
 
 registers = np.array([2.0, 3.0, 0.0, 0.0])
 code = [(SCALAR_OPCODE["pow"], 2, 0, 1), (SCALAR_OPCODE["sin"], 3, 2, 2)]
@@ -34,7 +34,7 @@ print(json.dumps([registers.tolist(), sum(run_scalars.stats.cache_hits.values())
 FIT = """
 import json
 import numpy as np
-from fitters.engine.machine import _kernel
+from fitters.backends.machine import _kernel
 from fitters.engine.multistart import Descent, fit_targets, polish_targets
 from fitters.engine.prepared import Prepared
 from fitters.expressions.evaluation import FEATURES

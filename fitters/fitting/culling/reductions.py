@@ -6,7 +6,10 @@ from math import isfinite
 
 from fitters.expressions import Expression, grammar
 from fitters.expressions.canonical import canonical
-from fitters.fitting.culling.tidying import ONE, ZERO, replaced, substituted, tidy
+from fitters.expressions.operators import OPERATORS
+from fitters.expressions.simplification import tidy
+
+ZERO, ONE = Expression("0"), Expression("1")
 
 DELETED, SIMPLIFIED, DROPPED, SNAPPED = "deleted", "simplified", "parameter dropped", "constant snapped"
 
@@ -14,9 +17,6 @@ ROUND = ("0.5", "1", "2", "pi", "4")
 """What a parameter is tried at beside 0 and rounded values of its own."""
 
 COSINES = tuple(Expression(symbol) for symbol in ("wi.z", "wo.z", "wh.z"))
-
-_NEUTRAL_FIRST = frozenset(("sub", "div", "pow"))
-_COMMUTING = frozenset(("add", "mul"))
 
 
 @dataclass(frozen=True)
@@ -52,10 +52,27 @@ def reductions(expression: Expression, typical: Mapping[str, float], spare: str 
         whole = tidy(whole)
         if whole not in different and complexity(whole) < least:
             different[whole] = Reduction(what, before, after, whole)
-    found: dict[str, Reduction] = {}
+    by_form: dict[str, Reduction] = {}
     for reduction in different.values():
-        found.setdefault(canonical(reduction.whole).text, reduction)
-    return list(found.values())
+        by_form.setdefault(canonical(reduction.whole).text, reduction)
+    return list(by_form.values())
+
+
+def replaced(expression: Expression, path: tuple[int, ...], by: Expression) -> Expression:
+    """The expression with the node at a path (the number of a child at every level) replaced."""
+    if not path:
+        return by
+    first, *rest = path
+    children = list(expression.children)
+    children[first] = replaced(children[first], tuple(rest), by)
+    return Expression(expression.symbol, tuple(children))
+
+
+def substituted(expression: Expression, leaves: dict[str, Expression]) -> Expression:
+    """The expression with leaves replaced wherever they occur, by their symbols."""
+    if not expression.children:
+        return leaves.get(expression.symbol, expression)
+    return Expression(expression.symbol, tuple(substituted(child, leaves) for child in expression.children))
 
 
 _Step = tuple[str, Expression, Expression, Expression]
@@ -98,9 +115,11 @@ def _replacements(node: Expression) -> Iterator[tuple[str, Expression]]:
     yield from ((DELETED, neutral) for neutral in (ZERO, ONE))
     if node.symbol == "dot":
         yield from ((SIMPLIFIED, cosine) for cosine in COSINES)
-    elif node.symbol not in _COMMUTING:
-        # Of a sum or product, either part alone is what deleting the other one leaves.
-        kept = node.children[1:] if node.symbol in _NEUTRAL_FIRST else node.children
+    elif node.children:
+        operator, kept = OPERATORS[node.symbol], node.children
+        if operator.neutral is not None:
+            # An operand alone is what remains where a neutral 0 or 1 takes the other one's place.
+            kept = () if operator.commutative else kept[1:]
         yield from ((SIMPLIFIED, child) for child in kept)
 
 

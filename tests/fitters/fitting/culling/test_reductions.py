@@ -6,8 +6,8 @@ import pytest
 from fitters.expressions import parse, to_text
 from fitters.expressions.canonical import canonical
 from fitters.expressions.evaluation import evaluate_features
+from fitters.expressions.simplification import tidy
 from fitters.fitting.culling.reductions import complexity, reductions
-from fitters.fitting.culling.tidying import tidy
 from tests.random_expressions import random_features, random_tree
 
 TREES = [random_tree(np.random.default_rng(seed), 5) for seed in range(300)]
