@@ -46,7 +46,6 @@ compiled.compile()
 
 def refused_lines(source: str) -> set[int]:
     """The lines that ruff's security rules refuse in a module of the product, by this project's settings."""
-    options = ["--output-format", "json", "--stdin-filename", "gpsearch/a.py", "-"]
     command = [sys.executable, "-m", "ruff", "check", "--output-format", "json"]
     command += ["--stdin-filename", "gpsearch/a.py", "-"]
     result = subprocess.run(command, input=source, capture_output=True, text=True, check=False, cwd=ROOT)
@@ -63,7 +62,7 @@ def test_the_linter_lets_the_rest_pass():
 
 
 def offences(source: str) -> Iterator[str]:
-    """What the linter does not see: builtins that are mentioned but not called, and arrays that may hold pickles."""
+    """What the linter does not see: builtins that are mentioned, not called, and arrays that may hold pickles."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Name) and node.id in BUILTINS:
             yield f"use of {node.id}"

@@ -117,8 +117,14 @@ def test_launching_a_finished_run_again_changes_nothing(whole):
     assert (folder / "runs/small/front.json").read_text() == before
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "how",
+    [
+        pytest.param(signal.SIGINT, marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, marks=pytest.mark.long),
+        signal.SIGKILL,
+    ],
+)
 def test_a_process_that_is_stopped_goes_on_to_the_same_front(folder, whole, how):
     with launched(folder) as process:
         wait_for(process.stderr, "generation 1/4")
@@ -152,7 +158,7 @@ def test_a_second_launcher_is_refused_while_the_first_one_runs(folder):
     with launched(folder) as process:
         wait_for(process.stderr, "small starts")
         message = refused(gpsearch_process("launch", "small.yaml", "--run", "run", cwd=folder), 2)
-        assert f"run: another gpsearch launch runs here (process {process.pid} on " in message
+        assert f"run: another gpsearch writes to this run (process {process.pid} on " in message
         running = json.loads(gpsearch("status", "run", "--json", cwd=folder).stdout)["running"]
         assert running == {"host": socket.gethostname(), "pid": process.pid}
         process.kill()
