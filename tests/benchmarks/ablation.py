@@ -25,10 +25,9 @@ import numpy as np
 import yaml
 
 from fitters.engine.warm import warm_up
-from gpsearch.commands.runs import open_run
 from gpsearch.configuration import Configuration, parse_configuration
 from gpsearch.pictures.search_curves import Curve, SearchedRun, curves
-from gpsearch.run import Store, WritableStore
+from gpsearch.run import Store, WritableStore, open_run
 from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import plan
