@@ -64,7 +64,7 @@ class Operator:
     inverse:      the operator g with f(a, g(neutral, b)) = g(a, b)
 
     Facts about what comes out:
-    non_negative: whether the result is certainly not negative, of which operands are
+    non_negative: whether the result is certainly not negative, from which operands are not (and none is -0)
     linear:       in which operands
 
     How backends say it; None where that backend has no way:
