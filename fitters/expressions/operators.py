@@ -58,7 +58,7 @@ class Operator:
     undoes_itself: f(f(a)) = a
     opposite:     the operator g with f(a, -b) = g(a, b)
 
-    Facts that hold but for rounding, or for finite values only:
+    Facts that hold except for rounding, or for finite values only:
     absorbing:    (place, value, result): with that value as the operand of that place, the result is known
     idempotent:   f(a, a) = a
     inverse:      the operator g with f(a, g(neutral, b)) = g(a, b)

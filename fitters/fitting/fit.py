@@ -129,7 +129,7 @@ def fit(
     warm = np.empty((0, problem.searched)) if near is None else problem.coordinates(near)
     limits = (metric.squares(factor * bar, len(cells.weights)) for factor in (HOPELESS, POOR))
     found = problem.fit(starts, warm, settings.descent(problem.searched, *limits))
-    if not found.carried_through:
+    if not found.finished:
         return _stated(problem, metric, found)
     found = problem.polish(settings.descent(problem.searched), found)
     return _sampled(problem, cells, found, _stated(problem, metric, found))
@@ -174,7 +174,7 @@ def _stated(problem: Prepared, metric: Residual, found: Optima) -> Fit:
         errors=errors,
         error=metric.combine(errors),
         evaluations=found.evaluations,
-        finished=found.carried_through,
+        finished=found.finished,
     )
 
 
