@@ -14,6 +14,7 @@ Array = NDArray[np.floating]
 
 SHAPE = (90, 90, 180)
 CELLS = SHAPE[0] * SHAPE[1] * SHAPE[2]
+CHANNELS = ("red", "green", "blue")
 
 
 def bin_centres() -> tuple[Array, Array, Array]:

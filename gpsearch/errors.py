@@ -1,9 +1,9 @@
-"""The one root exception of this package."""
+"""The root exception of this package."""
 
 
 class GpsearchError(ValueError):
-    """A run could not be started, resumed or exported. The message says what, where and what to do."""
+    """Bad input, or a run that cannot start, resume or be exported. The message says what, where, what to do."""
 
 
 class StoreError(GpsearchError):
-    """A run on its way could not be written down: the disk is full, or gone."""
+    """The store of a run could not be written: the disk is full, or was removed."""

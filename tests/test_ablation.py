@@ -14,7 +14,7 @@ from fitters.backends.program import lower
 from fitters.engine import prepared
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import build_problem, fit
+from fitters.fitting import fit
 from fitters.judging.metrics import RESIDUALS
 from gpsearch.run import Store
 from gpsearch.search.plan import problem_recipe
@@ -39,7 +39,7 @@ SETTINGS = {"cells": 256, "confirm_cells": 512, "starts": 32}
 
 @pytest.fixture(scope="module")
 def problem():
-    return build_problem(problem_recipe(configured(Arm("x", SETTINGS), 1, None, SMALL)))
+    return problem_recipe(configured(Arm("x", SETTINGS), 1, None, SMALL)).build()
 
 
 @pytest.fixture(scope="module")

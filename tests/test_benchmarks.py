@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import build_problem
 from fitters.materials import load_material
 from fitters.models.factors import solving
 from fitters.rendering import image_map
@@ -51,13 +50,13 @@ SCALING = scaling.Extent(
 
 @pytest.fixture(scope="module")
 def small_recipe():
-    small = replace(recipe(None), scene=Scene(resolution=8, light_rows=8), sample_cells=256, fine_cells=512)
+    small = replace(recipe(None), scene=Scene(resolution=8, light_rows=8), cells=256, confirm_cells=512)
     return replace(small, materials=small.materials[:1])
 
 
 @pytest.fixture(scope="module")
 def problem(small_recipe):
-    return build_problem(small_recipe)
+    return small_recipe.build()
 
 
 @pytest.mark.parametrize("section", SMALL)

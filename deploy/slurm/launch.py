@@ -1,7 +1,7 @@
 """`gpsearch launch ARGUMENTS` beside a Dask scheduler whose workers are SLURM jobs.
 
-As many jobs as there is work for, replaced before their time is up. SIGTERM is passed on to the search, and
-the exit status is the search's. Adapt the constants to your site.
+There are as many jobs as there is work for; they are replaced before their time limit. SIGTERM is passed on to the
+search, and the exit status is the search's. Adapt the constants to your site.
 """
 
 import signal
@@ -14,12 +14,12 @@ from dask_jobqueue import SLURMCluster
 PARTITION: str | None = None  # None: the site's default
 ACCOUNT: str | None = None
 PROCESSES = 16  # of one job, one core each
-GIB_PER_PROCESS = 1.5  # a worker stays below 1 GiB; the rest is for the processes that mind the workers
+GIB_PER_PROCESS = 1.5  # a worker stays below 1 GiB; the rest is for the processes that supervise the workers
 MINIMUM_JOBS = 1
 MAXIMUM_JOBS = 16
 WALLTIME = 240  # minutes, as are the next two
-STAGGER = 10  # workers leave so much before or after the mean, not all at once
-CLOSING = 10  # for the start of a job, and for the last task of a worker that leaves
+STAGGER = 10  # workers stop up to this much before or after the mean, not all at the same time
+CLOSING = 10  # for the start of a job, and for the last task of a worker that stops
 INTERVAL = 10  # seconds between looks at the workers
 PORT = 8786  # as in search.yaml
 
@@ -34,8 +34,8 @@ def slurm_cluster() -> SLURMCluster:
         processes=PROCESSES,
         memory=f"{PROCESSES * GIB_PER_PROCESS}GiB",
         walltime=str(WALLTIME),
-        # A warning ahead of the end, for a worker that outlived its lifetime. It reaches the batch shell alone,
-        # which dask-worker therefore replaces.
+        # A signal before the end, for a worker that exceeds its lifetime. Only the batch shell gets it, which
+        # dask-worker therefore replaces (`exec` below).
         job_extra_directives=["--signal=B:TERM@60"],
         python=f"exec {sys.executable}",
         job_script_prologue=["export NUMBA_NUM_THREADS=1"],
@@ -51,7 +51,7 @@ def slurm_cluster() -> SLURMCluster:
 
 
 def give_up_departed(cluster: SLURMCluster, arrived: set[str]) -> None:
-    """Forgets the jobs of `arrived` that have no worker left, so that others take their place.
+    """Forgets the jobs of `arrived` that have no worker left, so that other jobs replace them.
 
     dask-jobqueue goes on counting a job whose processes left at the end of their lifetime. `arrived` gains the
     jobs that have workers now.
@@ -69,7 +69,7 @@ def give_up_departed(cluster: SLURMCluster, arrived: set[str]) -> None:
 
 def main(arguments: list[str]) -> int:
     with slurm_cluster() as cluster:
-        # A minute of too little work before a job is given back: the end of a generation is shorter.
+        # A job ends after a minute of too little work: longer than the end of a generation takes.
         cluster.adapt(
             minimum_jobs=MINIMUM_JOBS,
             maximum_jobs=MAXIMUM_JOBS,
@@ -86,7 +86,7 @@ def main(arguments: list[str]) -> int:
         arrived: set[str] = set()
         while (status := wait(search)) is None:
             give_up_departed(cluster, arrived)
-    # As a shell says it, for a search that a signal killed.
+    # The status that a shell gives for a program that a signal has killed.
     return status if status >= 0 else 128 - status
 
 

@@ -26,7 +26,7 @@ poor:      likewise, after all descents
 """
 
 BETTER = 0.999
-"""The optimum of another target is descended from where its sum of squares is below this share of the target's own."""
+"""A target descends from another's optimum where the sum of squares there is below this share of its own."""
 
 NEAR = 1.5
 """A warm start is descended from where its sum of squares is at most this many times the best without it."""

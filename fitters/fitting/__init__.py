@@ -1,9 +1,9 @@
 """Fits: the problem (cells, light weights, target values), the metric, and the best parameters per target."""
 
-from fitters.fitting.exact import exact_errors
-from fitters.fitting.fit import Fit, FitSettings, fit, refit
-from fitters.fitting.problem import FitProblem, fit_problem
-from fitters.fitting.recipe import ProblemRecipe, build_problem
+from fitters.fitting.exact import exact_errors, model_errors
+from fitters.fitting.fit import Fit, fit, refit
+from fitters.fitting.problem import Problem, ProblemRecipe
+from fitters.fitting.settings import FitSettings
 from fitters.fitting.stages import (
     Candidate,
     Confirmed,
@@ -13,6 +13,7 @@ from fitters.fitting.stages import (
     FitJob,
     confirm,
     describe,
+    fit_formula,
     screen,
 )
 from fitters.fitting.transfer import transfer
@@ -27,15 +28,15 @@ __all__ = [
     "DescriptionJob",
     "Fit",
     "FitJob",
-    "FitProblem",
     "FitSettings",
+    "Problem",
     "ProblemRecipe",
-    "build_problem",
     "confirm",
     "describe",
     "exact_errors",
     "fit",
-    "fit_problem",
+    "fit_formula",
+    "model_errors",
     "refit",
     "screen",
     "transfer",

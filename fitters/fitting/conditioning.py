@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.expressions import Expression
-from fitters.fitting.fit import Bounds, Fit
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import Fit
 from fitters.fitting.polish import TargetSquares, targets_of
-from fitters.fitting.problem import Cells
+from fitters.fitting.settings import Bounds
 from fitters.grid import Array
 
 FLAT = 1e3

@@ -15,12 +15,10 @@ from fitters.engine.multistart import Descent
 from fitters.engine.prepared import Optima, Prepared
 from fitters.errors import FittersError
 from fitters.expressions import Expression, to_text
-from fitters.fitting.problem import Cells
+from fitters.fitting.cells import Cells
+from fitters.fitting.settings import Bounds, FitSettings
 from fitters.grid import Array
 from fitters.judging.metrics import Residual
-
-Bounds = Mapping[str, tuple[float, float]]
-"""Closed interval per parameter, `p0`..; a positive lower bound makes a simplex search its logarithm."""
 
 Columns = Mapping[str, NDArray]
 """Parameters over all targets, each (targets,)."""
@@ -39,38 +37,6 @@ HOPELESS after the first descent of every target, POOR after the last. `python -
 counts what that costs: of 1,744 recorded candidates 45 % are given up, 37 of them though they would have met the
 bar, and none of the 47 that ever entered a front.
 """
-
-
-@dataclass(frozen=True)
-class FitSettings:
-    """How hard a fit tries.
-
-    starts:      points at which every target is tried once
-    restarts:    simplex descents per target
-    rounds:      of further descents, each from the optimum of another target
-    evaluations: per descent and searched parameter
-    tolerance:   relative spread of the objective over a converged simplex
-    """
-
-    starts: int = 256
-    restarts: int = 2
-    rounds: int = 2
-    evaluations: int = 30
-    tolerance: float = 1e-4
-
-    def thorough(self) -> "FitSettings":
-        """The settings for the few expressions whose fit is kept: some twenty times the work."""
-        return FitSettings(
-            starts=4 * self.starts,
-            restarts=8 * self.restarts,
-            rounds=self.rounds + 2,
-            evaluations=2 * self.evaluations,
-            tolerance=0.1 * self.tolerance,
-        )
-
-    def descent(self, searched: int, hopeless: float = np.inf, poor: float = np.inf) -> Descent:
-        limit = self.evaluations * searched
-        return Descent(self.restarts, self.rounds, STEP, limit, self.tolerance, hopeless, poor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +94,10 @@ def fit(
     starts = _starts(expression, problem.box, settings.starts, shift)
     warm = np.empty((0, problem.searched)) if near is None else problem.coordinates(near)
     limits = (metric.squares(factor * bar, len(cells.weights)) for factor in (HOPELESS, POOR))
-    found = problem.fit(starts, warm, settings.descent(problem.searched, *limits))
+    found = problem.fit(starts, warm, _descent(settings, problem.searched, *limits))
     if not found.finished:
         return _stated(problem, metric, found)
-    found = problem.polish(settings.descent(problem.searched), found)
+    found = problem.polish(_descent(settings, problem.searched), found)
     return _sampled(problem, cells, found, _stated(problem, metric, found))
 
 
@@ -150,9 +116,14 @@ def refit(
     `evaluations` per searched parameter; with 0 only the linear parameters are solved anew.
     """
     problem = _prepared(expression, cells, bounds)
-    descent = replace(settings, evaluations=evaluations).descent(problem.searched)
+    descent = _descent(replace(settings, evaluations=evaluations), problem.searched)
     found = problem.polish(descent, problem.optima(problem.coordinates(near)))
     return _sampled(problem, cells, found, _stated(problem, metric, found))
+
+
+def _descent(settings: FitSettings, searched: int, hopeless: float = np.inf, poor: float = np.inf) -> Descent:
+    limit = settings.evaluations * searched
+    return Descent(settings.restarts, settings.rounds, STEP, limit, settings.tolerance, hopeless, poor)
 
 
 def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:

@@ -8,14 +8,16 @@ from numpy.typing import NDArray
 
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features, parameter_free
-from fitters.fitting.fit import Bounds, Fit, FitSettings, fit
+from fitters.fitting.cells import Cells, mean_share, sample
+from fitters.fitting.fit import Fit, fit
 from fitters.fitting.polish import polish
-from fitters.fitting.problem import Cells, FitProblem, full_cells, lit_source, mean_share, sample
+from fitters.fitting.problem import Problem, full_cells
+from fitters.fitting.settings import Bounds, FitSettings
 from fitters.grid import CELLS, above_horizon
 from fitters.judging.metrics import RESIDUALS, length
 from fitters.materials import Material
 from fitters.scenes import LightTable
-from fitters.scenes.uniform import uniform_light
+from fitters.scenes.table import uniform_light
 
 SHARES = (0.99, 0.999, 0.9999)
 """Of the measurement as the scene shows it, in squares, the mean over targets."""
@@ -41,12 +43,12 @@ class Reduction:
     sampled: int
 
 
-def reduction(problem: FitProblem) -> Reduction:
+def reduction(problem: Problem) -> Reduction:
     """The reduction of a problem's cells."""
     return Reduction(
         grid=CELLS,
         above=int(np.count_nonzero(above_horizon())),
-        measured=int(np.count_nonzero(_measured(problem.source.materials))),
+        measured=int(np.count_nonzero(_measured(problem.materials))),
         lit=len(problem.full),
         carrying={share: len(carriers(problem.full, share)) for share in SHARES},
         sampled=len(problem.sample),
@@ -81,7 +83,7 @@ class Price:
 
 def prices(
     expression: Expression,
-    problem: FitProblem,
+    problem: Problem,
     bounds: Bounds,
     found: Fit,
     settings: FitSettings,
@@ -92,9 +94,9 @@ def prices(
     found:  where its fits begin
     turned: the scene's light, turned
     """
-    metric, materials, count = RESIDUALS["light"], problem.source.materials, len(problem.fine)
+    metric, materials, count = RESIDUALS["light"], problem.materials, len(problem.fine)
     few = problem.full.only(carriers(problem.full, SHARES[0]))
-    measured = full_cells(lit_source(materials, uniform_light()), metric)
+    measured = full_cells(Problem(materials, uniform_light()), metric)
     fine = sample(measured, count, 0)
     anew = fit(expression, fine, metric, bounds, settings.thorough(), near=found.columns)
     fits = {
@@ -103,8 +105,8 @@ def prices(
         "measured": (len(measured), polish(expression, fine, metric, bounds, anew)),
     }
     over = (
-        problem.full if problem.metric is metric else full_cells(problem.source, metric),
-        sample(full_cells(lit_source(materials, turned), metric), count, 0),
+        problem.full if problem.metric is metric else full_cells(problem, metric),
+        sample(full_cells(Problem(materials, turned), metric), count, 0),
         sample(measured.only(np.flatnonzero(~np.isin(measured.index, problem.full.index))), count, 0),
     )
     return {

@@ -11,9 +11,10 @@ from dataclasses import dataclass, replace
 from fitters.engine.cost import cost_ns
 from fitters.expressions import parse
 from fitters.fitting.exact import exact_errors
-from fitters.fitting.fit import Bounds, Columns, Fit, FitSettings, fit, refit
+from fitters.fitting.fit import Columns, Fit, fit, refit
 from fitters.fitting.polish import polish
-from fitters.fitting.problem import FitProblem
+from fitters.fitting.problem import Problem
+from fitters.fitting.settings import Bounds, FitSettings
 from fitters.fitting.warnings import warnings_of
 from fitters.judging.checks import Checks, check
 from fitters.judging.metrics import RESIDUALS
@@ -87,7 +88,7 @@ class Description:
 
 
 def screen(
-    problem: FitProblem,
+    problem: Problem,
     candidate: Candidate,
     *,
     bounds: tuple[tuple[str, float, float], ...],
@@ -105,7 +106,7 @@ def screen(
     )
 
 
-def confirm(problem: FitProblem, task: ConfirmJob) -> Confirmed:
+def confirm(problem: Problem, task: ConfirmJob) -> Confirmed:
     """The fit of an expression that may be kept: thoroughly on the fine sample, judged on all cells.
 
     First a short descent on the fine sample tells whether that is worth the work.
@@ -121,7 +122,7 @@ def confirm(problem: FitProblem, task: ConfirmJob) -> Confirmed:
     return Confirmed(found, time.perf_counter() - started)
 
 
-def describe(problem: FitProblem, task: DescriptionJob) -> Description:
+def describe(problem: Problem, task: DescriptionJob) -> Description:
     """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
     job = task.job
     expression = parse(job.expressions[0])
@@ -136,3 +137,12 @@ def describe(problem: FitProblem, task: DescriptionJob) -> Description:
         cost_ns=cost_ns(expression),
         warnings=warnings_of(expression, problem, job.intervals, job.settings, found),
     )
+
+
+def fit_formula(problem: Problem, job: FitJob) -> tuple[Description, float]:
+    """The fit of one expression as thoroughly as it goes, described, and how many seconds it took without that.
+
+    The errors of a formula that is not finite on every lit cell are infinite.
+    """
+    confirmed = confirm(problem, ConfirmJob(job))
+    return describe(problem, DescriptionJob(job, confirmed.fit)), confirmed.seconds

@@ -7,23 +7,19 @@ import numpy as np
 
 from fitters import cache, engine, expressions, materials, scenes
 from fitters.fitting.fit import Fit
-from fitters.fitting.problem import FitProblem
-from fitters.fitting.stages import ConfirmJob, Description, DescriptionJob, FitJob, confirm, describe
+from fitters.fitting.problem import Problem
+from fitters.fitting.stages import Description, FitJob, fit_formula
 from fitters.judging.checks import Checks
 
 
-def transfer(problem: FitProblem, job: FitJob) -> Description:
+def transfer(problem: Problem, job: FitJob) -> Description:
     """The formula of a job fitted to a problem's materials as thoroughly as what a search keeps, and described.
 
     Nothing of an earlier fit goes into it: the same formula, bounds, settings and problem give the same, and are
     fitted once on a machine. A formula that is not finite has infinite errors.
     """
     key = cache.digest(job.expressions, job.bounds, job.settings, problem.sha256, _code())
-    return _read(cache.arrays("transfer", key, lambda: _arrays(describe(problem, _confirmed(problem, job)))))
-
-
-def _confirmed(problem: FitProblem, job: FitJob) -> DescriptionJob:
-    return DescriptionJob(job, confirm(problem, ConfirmJob(job)).fit)
+    return _read(cache.arrays("transfer", key, lambda: _arrays(fit_formula(problem, job)[0])))
 
 
 def _arrays(description: Description) -> dict[str, np.ndarray]:

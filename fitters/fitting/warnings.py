@@ -5,10 +5,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from fitters.expressions import Expression
+from fitters.fitting.cells import Cells
 from fitters.fitting.conditioning import Conditioning, conditioning
-from fitters.fitting.fit import Bounds, Fit, FitSettings, fit, refit
-from fitters.fitting.problem import CHANNELS, Cells, FitProblem
-from fitters.grid import Array, above_horizon
+from fitters.fitting.fit import Fit, fit, refit
+from fitters.fitting.problem import Problem
+from fitters.fitting.settings import Bounds, FitSettings
+from fitters.grid import CHANNELS, Array, above_horizon
 
 CELLS_PER_PARAMETER = 10
 """Of a target in effect; with fewer, the parameters follow single cells."""
@@ -23,7 +25,7 @@ LEAST_APART = 1e-3
 
 
 def warnings_of(
-    expression: Expression, problem: FitProblem, bounds: Bounds, settings: FitSettings, found: Fit
+    expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, found: Fit
 ) -> tuple[str, ...]:
     """Of a polished fit; costs about as much as a few screenings."""
     if not np.isfinite(found.error):
@@ -44,11 +46,11 @@ def warnings_of(
     )
 
 
-def _about_materials(problem: FitProblem) -> tuple[str, ...]:
-    return tuple(f"{material.name}: {said}" for material in problem.source.materials for said in material.doubts)
+def _about_materials(problem: Problem) -> tuple[str, ...]:
+    return tuple(f"{material.name}: {said}" for material in problem.materials for said in material.doubts)
 
 
-def _about_units(problem: FitProblem) -> tuple[str, ...]:
+def _about_units(problem: Problem) -> tuple[str, ...]:
     units = problem.full.units
     if units is None:
         return ()
@@ -61,7 +63,7 @@ def _about_units(problem: FitProblem) -> tuple[str, ...]:
     )
 
 
-def restart_errors(expression: Expression, problem: FitProblem, bounds: Bounds, settings: FitSettings) -> Array:
+def restart_errors(expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings) -> Array:
     """Errors (OTHER_STARTS, targets) on the sample, of quick fits from starts of their own."""
     ends = [
         fit(expression, problem.sample, problem.metric, bounds, settings, shift=1 + i).errors
@@ -70,7 +72,7 @@ def restart_errors(expression: Expression, problem: FitProblem, bounds: Bounds, 
     return np.stack(ends) if ends else np.empty((0, len(problem.targets)))
 
 
-def _kept(expression: Expression, problem: FitProblem, bounds: Bounds, settings: FitSettings, found: Fit) -> Array:
+def _kept(expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, found: Fit) -> Array:
     """Errors (targets,) of the fit that is kept on the same cells."""
     stays = refit(expression, problem.sample, problem.metric, bounds, found.columns, settings, evaluations=0)
     return stays.errors
@@ -83,7 +85,7 @@ def effective_cells(cells: Cells, target: int) -> float:
     return float(np.sum(shares)) ** 2 / total if total > 0 else float(np.count_nonzero(cells.weights[target]))
 
 
-def _about_light(problem: FitProblem, parameters: int) -> tuple[str, ...]:
+def _about_light(problem: Problem, parameters: int) -> tuple[str, ...]:
     counts = [effective_cells(problem.full, target) for target in range(len(problem.targets))]
     lit = [i for i in range(len(counts)) if problem.full.weights[i].any()]
     few = [i for i in lit if counts[i] < CELLS_PER_PARAMETER * parameters]
@@ -101,17 +103,17 @@ def _about_light(problem: FitProblem, parameters: int) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _about_unmeasured(problem: FitProblem) -> tuple[str, ...]:
-    light, above = problem.source.light.table.sum(axis=0), above_horizon()
+def _about_unmeasured(problem: Problem) -> tuple[str, ...]:
+    light, above = problem.light.table.sum(axis=0), above_horizon()
     total, said = float(light[above].sum()), []
-    for material in problem.source.materials:
+    for material in problem.materials:
         missing = float(light[above & ~material.valid].sum()) / total
         if missing > UNMEASURED:
             said.append(f"{material.name}: {missing:.0%} of the light falls on directions that were not measured")
     return tuple(said)
 
 
-def _about_zeros(problem: FitProblem) -> tuple[str, ...]:
+def _about_zeros(problem: Problem) -> tuple[str, ...]:
     rows = zip(problem.full.weights, problem.full.targets, strict=True)
     empty = [i for i, (weights, targets) in enumerate(rows) if weights.any() and not targets.any()]
     if not empty:
@@ -119,7 +121,7 @@ def _about_zeros(problem: FitProblem) -> tuple[str, ...]:
     return (f"{_named(problem, empty)}: zero wherever there is light, so that the error is in sr^-1",)
 
 
-def _about_trade_offs(problem: FitProblem, each: Sequence[Conditioning]) -> tuple[str, ...]:
+def _about_trade_offs(problem: Problem, each: Sequence[Conditioning]) -> tuple[str, ...]:
     said = []
     for words, targets in _grouped(each, lambda one: [in_words(flat) for flat in one.flat]).items():
         worst = max(each[i].condition for i in targets)
@@ -135,14 +137,14 @@ def in_words(flat: Mapping[str, float]) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]} trade off against each other"
 
 
-def _about_bounds(problem: FitProblem, each: Sequence[Conditioning]) -> tuple[str, ...]:
+def _about_bounds(problem: Problem, each: Sequence[Conditioning]) -> tuple[str, ...]:
     stuck = _grouped(
         each, lambda one: [f"{name} stands at its bound {side:g}" for name, side in one.at_bounds.items()]
     )
     return tuple(f"{_named(problem, targets)}: {words}" for words, targets in stuck.items())
 
 
-def _about_starts(problem: FitProblem, ends: Array, kept: Array) -> tuple[str, ...]:
+def _about_starts(problem: Problem, ends: Array, kept: Array) -> tuple[str, ...]:
     if not len(ends):
         return ()
     above = np.max(ends, axis=0) - kept
@@ -167,7 +169,7 @@ def _grouped(
     return found
 
 
-def _named(problem: FitProblem, targets: Iterable[int]) -> str:
+def _named(problem: Problem, targets: Iterable[int]) -> str:
     """`metal (red, blue), steel`: materials, with their channels where these are not all."""
     by_material: dict[str, list[str]] = {}
     for target in targets:

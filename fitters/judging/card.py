@@ -1,4 +1,4 @@
-"""The accuracy card of a model of a material in a scene: every metric, and where in the image it is worst."""
+"""The accuracy card of a model of a material in a scene: its metrics, and where in the image it is worst."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +11,7 @@ from fitters.grid import CELLS, SHAPE, Array, cell_directions
 from fitters.judging.metrics import CARD_METRICS, IMAGE_METRICS, Compared
 from fitters.materials import Material
 from fitters.models import Model
-from fitters.rendering.image_map import ImageMap
+from fitters.rendering.maps import ImageMap
 from fitters.rendering.picture import Picture
 from fitters.scenes import LightTable
 
@@ -19,13 +19,13 @@ WORST_BY = "flip"
 """The metric whose error map says where a picture is worst."""
 
 REGION = 1 / 24
-"""Standard deviation of the Gaussian that a region is, as a share of the image's height."""
+"""Standard deviation of the Gaussian window of a region, as a share of the image's height."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """The worst region of a picture: its middle's row and column (0 at the top left), the angle (degrees) between
-    normal and view there, its FLIP error, and mean linear colours around it, of the truth and of the model.
+    """The worst region of a picture: row and column of its centre (0 at the top left), the angle (degrees) between
+    normal and view there, its FLIP error, and the mean linear colours around it, of the truth and of the model.
     """
 
     row: int
@@ -50,7 +50,7 @@ class Card:
 
 @dataclass(frozen=True, eq=False)
 class Judge:
-    """A material in a scene, whose image map and light table are given."""
+    """A material in a scene, of which the image map and the light table are given."""
 
     image: ImageMap
     light: LightTable
@@ -63,7 +63,7 @@ class Judge:
 
     @cached_property
     def unmeasured(self) -> float:
-        """The share of a white surface's image in cells without a measurement, black in every picture."""
+        """The share of a white surface's light in cells without a measurement: black in every picture."""
         return self.image.unmeasured(self.material)
 
     def card(self, model: Model) -> tuple[Card, Picture]:

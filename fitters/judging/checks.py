@@ -1,4 +1,4 @@
-"""What a renderer asks of a BRDF beside its error: reciprocity, no negative value, no energy gained."""
+"""What a renderer needs of a BRDF besides a small error: reciprocity, no negative value, no gain of energy."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from fitters.fitting.fit import Fit
 from fitters.grid import Array
 
 DIRECTIONS = 2000
-"""Pairs of random directions at which reciprocity is judged."""
+"""The number of random pairs of directions at which reciprocity is checked."""
 
 
 @dataclass(frozen=True)
@@ -24,26 +24,26 @@ class Checks:
     albedo_max: float
 
 
-def check(expression: Expression, found: Fit, minimum: float) -> Checks:
-    """The checks of a fitted expression whose smallest value is known; values not finite make them infinite."""
+def check(expression: Expression, fit: Fit, minimum: float) -> Checks:
+    """The checks of a fitted expression whose smallest value is known; infinite where values are not finite."""
     albedo = 0.0
-    for target in range(len(found.values)):
-        parameters = found.parameters(target)
+    for target in range(len(fit.values)):
+        parameters = fit.parameters(target)
         albedo = max(albedo, *(directional_albedo(expression, parameters, angle) for angle in _ANGLES))
-    return Checks(reciprocity(expression, found), minimum, albedo)
+    return Checks(reciprocity(expression, fit), minimum, albedo)
 
 
-def reciprocity(expression: Expression, found: Fit) -> float:
-    """The largest relative difference of f(w_i, w_o) and f(w_o, w_i); infinite where they are no numbers."""
+def reciprocity(expression: Expression, fit: Fit) -> float:
+    """The largest relative difference of f(w_i, w_o) and f(w_o, w_i); infinite where they are not numbers."""
     w_i, w_o = _random_pairs()
     largest = 0.0
-    for target in range(len(found.values)):
-        parameters = found.parameters(target)
+    for target in range(len(fit.values)):
+        parameters = fit.parameters(target)
         forth = evaluate(expression, parameters, w_i, w_o)
         back = evaluate(expression, parameters, w_o, w_i)
         with np.errstate(all="ignore"):
             difference = np.abs(forth - back) / np.maximum(np.abs(forth), np.abs(back))
-        # 0 against 0 and infinity against infinity agree.
+        # 0 and 0 agree, infinity and infinity, too; their quotient is not a number.
         difference[forth == back] = 0.0
         largest = max(largest, float(np.nan_to_num(difference, nan=np.inf).max()))
     return largest
@@ -53,9 +53,9 @@ _ANGLES = np.radians([0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0])
 
 
 def directional_albedo(expression: Expression, parameters: dict[str, float], theta: float) -> float:
-    """Reflected share of the light from polar angle `theta` (radians); infinite where the formula is.
+    """The reflected share of the light from polar angle `theta` (radians); infinite where the formula is.
 
-    Integrates over half vectors, dense about the normal as the grid is, so that the sharpest lobe is seen:
+    Integrates over half vectors, as dense around the normal as the grid, so that the sharpest lobe is seen:
     d omega_o = 4 (w_o . w_h) d omega_h.
     """
     u, phi = np.meshgrid((np.arange(96) + 0.5) / 96, (np.arange(64) + 0.5) / 64 * 2 * np.pi, indexing="ij")
@@ -74,7 +74,7 @@ def directional_albedo(expression: Expression, parameters: dict[str, float], the
 
 
 def _random_pairs() -> tuple[Array, Array]:
-    """Pairs of unit directions (n, 3) up to 85 degrees, always the same."""
+    """Pairs of unit directions (n, 3) up to 85 degrees from the normal, the same in every call."""
     rng = np.random.default_rng(0)
     z = rng.uniform(np.cos(np.radians(85)), 1.0, (2, DIRECTIONS))
     phi = rng.uniform(0, 2 * np.pi, (2, DIRECTIONS))

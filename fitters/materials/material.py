@@ -1,4 +1,4 @@
-"""A measured reflectance on the half/difference grid, with what was done to make it usable."""
+"""A measured reflectance on the half/difference grid, and how raw samples become one."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,10 +12,10 @@ from fitters.grid import CELLS, SHAPE, Array, above_horizon
 RGB = tuple[float, float, float]
 
 MANY_NEGATIVE = 0.05
-"""Of noise about a dark value, a share that biases it upwards where what is below zero is set to 0."""
+"""From this share of negative samples on, setting them to 0 makes dark values too bright."""
 
 FILLED = 0.2
-"""Share of repeated values from which on they look filled in; a material that is the same everywhere does not."""
+"""From this share of repeated values on they look filled in; a material that is the same everywhere does not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +24,8 @@ class Material:
 
     `table` (3, 90, 90, 180) float32, sr^-1, RGB: finite, not negative, 0 where not valid. `valid`
     (90, 90, 180) is the mask. `source` says where it comes from. `sha256` is the hash of the content that it
-    was made from: it keys caches. `negative` is, per channel, the share of valid cells whose sample was below
-    zero and was set to 0. `spikes` and `dropouts` count the cells that
+    was made from; it is part of the keys of caches. `negative` is, per channel, the share of valid cells whose
+    sample was below zero and was set to 0. `spikes` and `dropouts` count the cells that
     `fitters.materials.outliers` has left out.
     """
 
@@ -49,7 +49,7 @@ class Material:
             )
         if not self.valid.any():
             raise FittersError(f"{self.name}: no cell is valid")
-        # One pass each: NaN fails the first comparison, infinity the second.
+        # NaN fails the first comparison, infinity the second.
         if not (self.table.min() >= 0 and self.table.max() < np.inf):
             raise FittersError(f"{self.name}: the table holds negative, NaN or infinite values")
         if np.any(self.table[:, ~self.valid]):
@@ -57,24 +57,26 @@ class Material:
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """What whoever fits the material should know of its samples, in sentences."""
-        said = []
+        """What a user who fits the material should know of its samples, in sentences."""
+        doubts = []
         if max(self.negative) > MANY_NEGATIVE:
             share = f"{max(self.negative):.0%}"
-            said.append(f"{share} of its samples were below zero and set to 0: what is dark in it is noise")
+            doubts.append(f"{share} of its samples were below zero and set to 0: what is dark in it is noise")
         if self.spikes:
-            said.append(f"{self.spikes:,} isolated spikes were taken for not measured")
+            doubts.append(f"{self.spikes:,} isolated spikes were taken for not measured")
         if self.dropouts:
-            said.append(f"{self.dropouts:,} zeros, many of them between bright cells, were taken for not measured")
+            doubts.append(
+                f"{self.dropouts:,} zeros, many of them between bright cells, were taken for not measured"
+            )
         if FILLED < (held := self._held_share()) < 1 - FILLED:
-            said.append(
+            doubts.append(
                 f"{held:.0%} of its cells repeat the value before them along theta_diff: they look filled in, not "
                 "measured"
             )
-        return tuple(said)
+        return tuple(doubts)
 
     def _held_share(self) -> float:
-        """The share of cells, of those that have a valid one before them, that repeat its positive value."""
+        """The share of cells that repeat the positive value of the one before them, where both are valid."""
         repeats = (self.table[:, :, 1:] == self.table[:, :, :-1]).all(axis=0) & self.table[:, :, 1:].any(axis=0)
         both = self.valid[:, 1:] & self.valid[:, :-1]
         return float(np.sum(repeats & both) / max(int(np.sum(both)), 1))
@@ -83,11 +85,11 @@ class Material:
 def from_samples(
     name: str, samples: Array, *, source: str, sha256: str, all_negative_is_missing: bool = False
 ) -> Material:
-    """A material from raw samples (3, 90, 90, 180) in sr^-1; its arrays are its own and read-only.
+    """A material from raw samples (3, 90, 90, 180) in sr^-1; its arrays are copies and read-only.
 
     A cell is valid where its centre lies above the horizon and its three channels are finite in float32; with
     `all_negative_is_missing`, three negative channels mark a cell that was not measured, as in MERL files.
-    What remains below zero in a valid cell (noise, or a colour outside the gamut) is set to 0 and counted.
+    Other samples below zero in a valid cell (noise, or a colour outside the gamut) are set to 0 and counted.
 
     Raises `FittersError` where no cell is valid.
     """

@@ -21,7 +21,7 @@ HEAD_BYTES = 64
 
 @dataclass(frozen=True, eq=False)
 class MaterialFile:
-    """A file that has been read: `name` is what messages call it, `stem` what its material is called."""
+    """A file that has been read: `name` is used in messages, `stem` is the name of its material."""
 
     name: str
     stem: str
@@ -52,7 +52,7 @@ class Format:
 
 
 def read_file(path: Path) -> MaterialFile:
-    """Read a file; `FittersError` where it is empty, unreadable, or larger than any isotropic measurement."""
+    """Reads a file. Raises `FittersError` where it is empty, unreadable, or larger than any measurement."""
     try:
         size = path.stat().st_size
         if size > MAX_BYTES:

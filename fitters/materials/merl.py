@@ -1,6 +1,6 @@
 """The MERL binary format (Matusik et al. 2003): how the 100 released materials are stored.
 
-Three little-endian int32 (90, 90, 180), then the planes red, green, blue of float64 in the order of the grid,
+Three little-endian int32 (90, 90, 180), then the planes red, green and blue in float64, in the order of the grid,
 each divided by its channel's scale. Cells that were not measured hold negative numbers.
 """
 

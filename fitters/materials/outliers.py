@@ -1,9 +1,9 @@
-"""Samples that cannot be meant, found by their neighbours and taken for not measured: spikes and dropouts.
+"""Samples that contradict their neighbours, spikes and dropouts, are taken for not measured.
 
 One cell that is a thousand times too bright (dust, a glint) outweighs all others in a sum of squares. A highlight
-is no spike, however sharp: it is as wide as the range of phi_diff, and neighbours share it. Zeros between bright
-cells are where a device gave nothing; in the compressive weights of Bagher et al. 2016 they would count fully,
-and the highlight about them next to nothing.
+is not a spike, however sharp: it is as wide as the range of phi_diff, and its neighbours are bright, too. Zeros
+between bright cells are failures of the device; the compressive weights of Bagher et al. 2016 would give them full
+weight, and almost none to the highlight around them.
 """
 
 from dataclasses import replace
@@ -16,34 +16,33 @@ from fitters.grid import Array
 from fitters.materials.material import MANY_NEGATIVE, Material
 
 TIMES = 100.0
-"""A spike is so many times as bright as the second brightest of its neighbours: the brightest may be one, too.
+"""A spike is this many times as bright as the second brightest of its neighbours: the brightest may be one, too.
 
-In the 18 measurements of the RGL database that this project is tried on no cell above the median is."""
+No cell above the median is a spike in the 18 measurements of the RGL database that this project is tested with."""
 NEIGHBOURS = 4
-"""So many of the six must hold a positive value: elsewhere nothing is known of what is usual."""
-
+"""At least this many of the six neighbours must be positive, so that it is known how bright a cell should be."""
 
 DIM = 0.1
-"""Of the median: a zero between cells that are brighter than this is isolated."""
+"""A zero between cells that are brighter than this share of the median is isolated."""
 BRIGHT_NEIGHBOURS = 3
-"""So many of its six neighbours must be."""
+"""At least this many of its six neighbours must be brighter."""
 DROPOUTS = 1e-3
-"""Where more than this share of a material is isolated zeros, its zeros are not measured. In the RGL
-measurements it is 1e-5 at most."""
+"""Where more than this share of a material's cells are isolated zeros, its zeros are not measured. In the RGL
+measurements the share is at most 1e-5."""
 
 
 def without_outliers(material: Material) -> Material:
-    """The material with its spikes and dropouts taken for not measured and counted; itself where it has none.
+    """The material with its spikes and dropouts taken for not measured and counted; the same where it has none.
 
-    Where a share of the samples was below zero, what is dark is noise, and neighbours say nothing of each other.
+    Where many samples were below zero, dark values are noise, so that neighbours do not predict each other.
     """
     if max(material.negative) > MANY_NEGATIVE:
         return material
     bright, dark = spikes(material), dropouts(material)
-    found = bright | dark
-    if not found.any():
+    outliers = bright | dark
+    if not outliers.any():
         return material
-    table, valid = np.where(found, np.float32(0), material.table), material.valid & ~found
+    table, valid = np.where(outliers, np.float32(0), material.table), material.valid & ~outliers
     table.flags.writeable = valid.flags.writeable = False
     return replace(
         material,
@@ -55,7 +54,7 @@ def without_outliers(material: Material) -> Material:
 
 
 def dropouts(material: Material) -> NDArray[np.bool_]:
-    """(90, 90, 180): valid cells that are zero in all channels, where many such lie between bright ones."""
+    """(90, 90, 180): valid cells that are zero in all channels, if many of them lie between bright cells."""
     zero = material.valid & ~material.table.any(axis=0)
     valid = np.count_nonzero(material.valid)
     if np.count_nonzero(zero) <= DROPOUTS * valid:
@@ -65,23 +64,25 @@ def dropouts(material: Material) -> NDArray[np.bool_]:
     count = np.zeros(zero.shape, np.int8)
     for axis in range(3):
         for step in (1, -1):
-            # Only phi_diff is periodic, but the cells at the other ends are as good as any.
+            # Only phi_diff is periodic; on the other axes a cell of the opposite end is as good as a neighbour.
             count += np.roll(bright, step, axis)
     isolated = np.count_nonzero(zero & (count >= BRIGHT_NEIGHBOURS))
     return zero if isolated > DROPOUTS * valid else np.zeros_like(zero)
 
 
 def spikes(material: Material) -> NDArray[np.bool_]:
-    """(90, 90, 180): valid cells that stand out among the six beside them in some channel."""
-    found = np.zeros(material.valid.shape, np.bool_)
+    """(90, 90, 180): valid cells that are far brighter than their six neighbours in some channel."""
+    outliers = np.zeros(material.valid.shape, np.bool_)
     for channel in material.table:
-        # What is darker than most of the material weighs nothing, and is often noise about 0.
-        _find(channel, material.valid, np.float32(TIMES), np.median(channel[material.valid]), found)
-    return found
+        # Cells darker than the median have no weight in a fit, and are often noise about 0.
+        _find(channel, material.valid, np.float32(TIMES), np.median(channel[material.valid]), outliers)
+    return outliers
 
 
 @compiled.entry(error_model="numpy")
-def _find(values: Array, valid: NDArray[np.bool_], times: float, least: float, found: NDArray[np.bool_]) -> None:
+def _find(
+    values: Array, valid: NDArray[np.bool_], times: float, least: float, outliers: NDArray[np.bool_]
+) -> None:
     halves, diffs, azimuths = values.shape
     for i in range(halves):
         for j in range(diffs):
@@ -104,4 +105,4 @@ def _find(values: Array, valid: NDArray[np.bool_], times: float, least: float, f
                     elif beside > second:
                         second = beside
                 if count >= NEIGHBOURS and value > times * second:
-                    found[i, j, k] = True
+                    outliers[i, j, k] = True

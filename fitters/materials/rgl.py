@@ -1,8 +1,8 @@
 """Isotropic RGB measurements of the RGL database: the adaptive parameterisation of Dupuy and Jakob 2018.
 
-A file holds, per incident angle, the reflected radiance over samples of the visible normals. Two directions
-are taken back to their sample by inverting the warp that the visible normals define; what is stored there,
-times D(h) / (4 sigma(w_i)), is f(w_i, w_o) cos(theta_o).
+A file holds, per incident angle, the reflected radiance over samples of the visible normals. The sample of two
+directions is found by inverting the warp that the visible normals define; the value stored there, times
+D(h) / (4 sigma(w_i)), is f(w_i, w_o) cos(theta_o).
 """
 
 from collections.abc import Mapping
@@ -30,8 +30,8 @@ class RglMaterial:
     """One isotropic measurement, ready to be evaluated.
 
     `theta_i` (n,) radians, increasing; `ndf` and `sigma` (rows, columns) over (azimuth, elevation); `visible`
-    the warp of the n slices of visible normals; `samples` (n, rows, columns, 3) the stored radiance, which
-    lacks the factor D / (4 sigma) where `weighted` is true; `description` the database's own words.
+    the warp of the n slices of visible normals; `samples` (n, rows, columns, 3) the stored radiance, without the
+    factor D / (4 sigma) where `weighted` is true; `description` the text of the database.
     """
 
     theta_i: Array
@@ -97,7 +97,7 @@ class RglMaterial:
         """The table (3, 90, 90, 180) in sr^-1 at the cell centres, reciprocal; NaN below the horizon.
 
         Both orders of the two directions are averaged with the cosine of the outgoing one as weight: the file
-        holds f cos(theta_o), so that an even average would magnify its noise without bound near the horizon.
+        holds f cos(theta_o), so that equal weights would amplify its noise without bound near the horizon.
         """
         w_i, w_o = cell_directions()
         table = np.full((CELLS, 3), np.nan, np.float32)
@@ -112,7 +112,7 @@ class RglMaterial:
         half = w_i + w_o
         theta_i, phi_i = _spherical(w_i)
         theta_h, phi_h = _spherical(half)
-        # The paper's axes: elevation goes by its square root, azimuth relative to w_i starts opposite to it.
+        # The paper's axes: the square root of the elevation, and the azimuth relative to the opposite of w_i.
         elevation_i, elevation_h = np.sqrt(theta_i * (2 / np.pi)), np.sqrt(theta_h * (2 / np.pi))
         azimuth = np.mod((phi_h - phi_i) / (2 * np.pi) + 0.5, 1.0)
         slices: Place = between_nodes(theta_i, self.theta_i)
@@ -125,7 +125,7 @@ class RglMaterial:
 
 
 def load(file: MaterialFile) -> Material:
-    """The material in a `.bsdf` file, resampled once per machine."""
+    """The material in a `.bsdf` file; its table is kept in the disk cache."""
     key = cache.digest("rgl", RESAMPLE_VERSION, file.sha256)
     stored = cache.arrays("rgl", key, lambda: {"table": RglMaterial.of(file).resample()})
     return from_samples(file.stem, stored["table"], source="RGL", sha256=file.sha256)
@@ -158,7 +158,7 @@ def _field(
     *,
     finite: bool = True,
 ) -> NDArray[np.float64]:
-    """A float32 field as float64, its shape checked: a number is a size, a word any size of 2 or more."""
+    """A field of floats as float64. In `shape` a number is a size, a word stands for any size of at least 2."""
     array = fields[field]
     fits = array.ndim == len(shape) and all(
         size >= 2 if isinstance(wanted, str) else size == wanted
@@ -166,8 +166,8 @@ def _field(
     )
     _require(array.dtype.kind == "f", name, field, f"holds {array.dtype.name} numbers, floats are needed")
     expected = " x ".join(str(wanted) for wanted in shape)
-    found = " x ".join(str(size) for size in array.shape)
-    _require(fits, name, field, f"has the shape {found}, {expected} is needed")
+    given = " x ".join(str(size) for size in array.shape)
+    _require(fits, name, field, f"has the shape {given}, {expected} is needed")
     _require(array.size <= MAX_ELEMENTS, name, field, f"has {array.size:,} entries, more than {MAX_ELEMENTS:,}")
     _require(not finite or bool(np.isfinite(array).all()), name, field, "holds NaN or infinite numbers")
     return array.astype(np.float64)

@@ -1,4 +1,4 @@
-"""What is in a material, in numbers."""
+"""A material in numbers: cells, range, albedo."""
 
 from dataclasses import dataclass
 
@@ -25,8 +25,8 @@ class MaterialSummary:
     """Cells, range and albedo of a material; triples are RGB, reflectances sr^-1 over the valid cells.
 
     `invalid_share` is the share of cells above the horizon that are not usable, `negative_share` that of
-    valid cells whose sample was below zero. `hemispherical_albedo` is the one under a uniformly bright sky.
-    `gains_energy` tells whether any of the albedos exceeds 1.
+    valid cells whose sample was below zero. `hemispherical_albedo` is the albedo under a uniformly bright sky.
+    `gains_energy`: whether an albedo exceeds 1.
     """
 
     name: str
@@ -46,7 +46,7 @@ class MaterialSummary:
 
 
 def summarise(material: Material) -> MaterialSummary:
-    """The summary of a material; what `gpsearch materials` prints."""
+    """The summary of a material, as `gpsearch materials` prints it."""
     above, valid = int(np.count_nonzero(above_horizon())), int(np.count_nonzero(material.valid))
     values = material.table[:, material.valid]
     directional = directional_albedo(material, np.radians(ALBEDO_DEGREES))
@@ -75,8 +75,8 @@ def summarise(material: Material) -> MaterialSummary:
 def directional_albedo(material: Material, theta_i: Array) -> Array:
     """Directional albedo (n, 3) at n incident elevations in radians; cells that are not valid count as black.
 
-    Integrates over half vectors, d omega_o = 4 (w_i . h) d omega_h, with the grid's own spacing in theta_half
-    halved: the narrowest highlight that a table can hold is met by as many samples as a broad one.
+    Integrates over half vectors, d omega_o = 4 (w_i . h) d omega_h, at half the grid's spacing in theta_half, so
+    that the narrowest highlight of a table has as many samples as a broad one.
     """
     edges = (np.arange(HALF_ELEVATIONS + 1) / HALF_ELEVATIONS) ** 2 * (np.pi / 2)
     theta_h = ((np.arange(HALF_ELEVATIONS) + 0.5) / HALF_ELEVATIONS) ** 2 * (np.pi / 2)

@@ -1,7 +1,7 @@
 """Built-in materials that need no file: formulas with measurement-like noise, the same on every machine.
 
-They are made so that no published formula reproduces them exactly: two lobes with tails of different length
-(Burley 2012, appendix B.2), a diffuse part that changes towards grazing, a retro-reflective lobe for fabric.
+No published formula reproduces them exactly: they have two lobes with tails of different length (Burley 2012,
+appendix B.2), a diffuse part that changes towards grazing angles, and a retro-reflective lobe for fabric.
 """
 
 import difflib
@@ -17,14 +17,14 @@ from fitters.grid import CELLS, SHAPE, Array, above_horizon, cell_directions
 from fitters.materials.material import RGB, Material, from_samples
 
 PREFIX = "builtin:"
-# Part of every hash: raise it with any change to the formulas below that alters a table.
+# Part of every hash: raise it with every change of the formulas below that changes a table.
 VERSION = 1
 SEED = 2018
 
 
 @dataclass(frozen=True)
 class Lobe:
-    """A specular lobe: roughness `alpha`, tail exponent `tail` (2 is GGX, smaller is longer), its share."""
+    """A specular lobe: roughness `alpha`, exponent `tail` (2 is GGX, smaller makes the tail longer), its share."""
 
     alpha: float
     tail: float
@@ -33,7 +33,9 @@ class Lobe:
 
 @dataclass(frozen=True)
 class BuiltIn:
-    """Linear RGB: `specular` at normal incidence, `diffuse` and `sheen` albedos, `retro` a peak in sr^-1."""
+    """The numbers of a built-in material, linear RGB: `specular` reflectance at normal incidence, `diffuse` and
+    `sheen` albedos, `retro` a peak in sr^-1.
+    """
 
     specular: RGB
     lobes: tuple[Lobe, ...]
@@ -87,7 +89,7 @@ def load(name: str) -> Material:
 @lru_cache(maxsize=4)
 def _make(name: str) -> Material:
     built_in = BUILT_IN[name]
-    # The numbers after the word Recipe, which the noise of version 1 is seeded with.
+    # The seed of the noise of version 1 is made from this text.
     numbers = repr(built_in).replace("BuiltIn(", "Recipe(", 1)
     key = cache.digest("built-in", VERSION, SEED, name, numbers.encode())
     above = above_horizon().ravel()

@@ -2,7 +2,7 @@
 
 Little-endian: 12 bytes of magic, 2 of version, a uint32 count of fields; per field a uint16 length and the
 UTF-8 name, uint16 rank, uint8 element type, uint64 offset of the data, and rank uint64 sizes. Every number is
-checked against the file before it is believed: a hostile file costs an error, never an allocation.
+checked against the file before it is used: a malicious file causes an error, never an allocation.
 """
 
 import struct
@@ -24,7 +24,7 @@ ELEMENT_TYPES: Mapping[int, np.dtype] = {
 
 
 class _Cursor:
-    """Reads the header front to back; what lies beyond the end is a truncated file."""
+    """Reads the header from front to back; raises `FittersError` where the file ends before."""
 
     def __init__(self, data: bytes, name: str) -> None:
         self.data, self.name, self.position = data, name, 0
@@ -83,7 +83,7 @@ def _field(cursor: _Cursor) -> tuple[str, np.ndarray]:
         raise FittersError(f"{where} has the unknown element type {code}: the file is damaged. Fetch it again.")
     dtype = ELEMENT_TYPES[code]
     end = offset + prod(shape) * dtype.itemsize
-    # An array without elements may still claim sizes that no array can have.
+    # An array without elements may still claim sizes that are too large for any array.
     claimed = prod(max(size, 1) for size in shape) * dtype.itemsize
     if max(end, claimed) > len(cursor.data):
         raise FittersError(

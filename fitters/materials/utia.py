@@ -48,7 +48,7 @@ class AnisotropicMaterial:
     def evaluate(self, w_i: Array, w_o: Array) -> Array:
         """BRDF (n, 3), sr^-1, linear in the four angles; 0 where a direction is not above the horizon.
 
-        phi is periodic. Nothing was measured beyond theta = 75 degrees: the value there holds up to the horizon.
+        phi is periodic. Nothing was measured beyond theta = 75 degrees: the value there is used up to the horizon.
         """
         values = np.zeros((len(w_i), 3))
         w_i, w_o = (np.ascontiguousarray(w, np.float64) for w in (w_i, w_o))
@@ -127,4 +127,4 @@ def _interpolate(table: Array, w_i: Array, w_o: Array, values: Array) -> None:
 
 
 FORMAT = Format("UTIA", ".bin", lambda head, size: size == FILE_BYTES, load, anisotropic=True)
-"""Its files have no header: the size is what they are recognised by."""
+"""Its files have no header: they are recognised by their size."""

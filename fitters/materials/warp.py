@@ -1,6 +1,6 @@
 """Bilinear grids, and the warp of the unit square onto itself that a bilinear density defines.
 
-A position (x, y) in [0, 1]^2 addresses the columns and rows of a grid; its outermost nodes lie on the border.
+A position (x, y) in [0, 1]^2 addresses the columns and rows of a grid, whose outermost nodes lie on the border.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from fitters.grid import Array
 
 
 class Place(NamedTuple):
-    """Where m values fall on an axis: the lower node (m,) and the share of the way to the next (m,)."""
+    """Places of m values on an axis: the lower node (m,) and the fraction (m,) of the way to the next."""
 
     node: NDArray[np.int64]
     fraction: Array
@@ -32,7 +32,7 @@ def between(position: Array, count: int) -> Place:
 
 
 def between_nodes(value: Array, nodes: Array) -> Place:
-    """The place of values among increasing `nodes`; beyond the ends the outermost node holds."""
+    """The place of values among increasing `nodes`; values beyond the ends are moved to the outermost node."""
     node = np.clip(np.searchsorted(nodes, value, side="right") - 1, 0, len(nodes) - 2)
     step = nodes[node + 1] - nodes[node]
     return Place(node, np.clip((value - nodes[node]) / step, 0.0, 1.0))
@@ -85,7 +85,7 @@ class Warp:
         return cls(density, along_x, _running(along_x[..., -1]))
 
     def invert(self, slices: Place, x: Array, y: Array) -> tuple[Array, Array]:
-        """The uniform sample, (m,) and (m,), that sampling the interpolated density takes to m positions.
+        """The uniform samples x and y (m,) that sampling the interpolated density maps to m positions.
 
         Sampling draws y from the marginal, then x given y. Both integrals of a bilinear density are quadratic
         within a cell, so that the inverse is exact.

@@ -1,7 +1,60 @@
-"""One contract for every model of a material: formulas, factor tables, power iterations, the raw table."""
+"""One contract for every model, and one registry: formulas, factor tables, power iterations, the measured table.
 
-from fitters.models.formula import FormulaModel
-from fitters.models.measured import MeasuredTable
-from fitters.models.model import Model
+`Model` is the reflectance of one material; a `Fitter` makes one, or one for each material of a problem (`Fitted`).
+"""
 
-__all__ = ["FormulaModel", "MeasuredTable", "Model"]
+from fitters.models.model import Model  # isort: skip
+from fitters.models.fitted import Fitted, MaterialFit  # isort: skip
+from fitters.models.measured import MeasuredTable  # isort: skip
+from fitters.models.formula import FormulaFitter, FormulaModel  # isort: skip
+from fitters.models.fitter import (
+    Baseline,
+    Family,
+    FitSummary,
+    Fitter,
+    FormulaBaseline,
+    MaterialFitter,
+    MaterialTask,
+    Stage,
+    TabulatedBaseline,
+)
+from fitters.models.registry import (
+    BASELINES,
+    FAMILIES,
+    KINDS,
+    MODELS,
+    fit,
+    fitter_of,
+    load,
+    material_fitter,
+    summarise,
+    warm_up,
+)
+
+__all__ = [
+    "BASELINES",
+    "FAMILIES",
+    "KINDS",
+    "MODELS",
+    "Baseline",
+    "Family",
+    "FitSummary",
+    "Fitted",
+    "Fitter",
+    "FormulaBaseline",
+    "FormulaFitter",
+    "FormulaModel",
+    "MaterialFit",
+    "MaterialFitter",
+    "MaterialTask",
+    "MeasuredTable",
+    "Model",
+    "Stage",
+    "TabulatedBaseline",
+    "fit",
+    "fitter_of",
+    "load",
+    "material_fitter",
+    "summarise",
+    "warm_up",
+]

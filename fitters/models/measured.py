@@ -4,9 +4,13 @@ import numpy as np
 
 from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array, cell_index, half_diff
+from fitters.materials import Material
 from fitters.models.directions import both_above, rows
+from fitters.models.fitted import MaterialFit
+from fitters.models.fitter import Family, Fitter, MaterialFitter
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
+from fitters.models.model_code import ModelCode, of_one_table
 
 
 class MeasuredTable(HalfVectorSampling, Model):
@@ -39,9 +43,31 @@ class MeasuredTable(HalfVectorSampling, Model):
         values[above] = self._rows[:, cell_index(*half_diff(w_i[above], w_o[above]))].T
         return values
 
+    def scalar_code(self) -> ModelCode:
+        from fitters.models.factors.lookup import measured_at
+
+        return of_one_table(measured_at, self.table)
+
     def arrays(self) -> dict[str, np.ndarray]:
         return {"table": self.table}
 
     @classmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray]) -> "MeasuredTable":
         return cls(arrays["table"])
+
+
+def _fit(material: Material) -> MaterialFit:
+    return MaterialFit(MeasuredTable(material.table))
+
+
+FITTERS: tuple[Fitter, ...] = (
+    MaterialFitter(
+        name="measured",
+        family=Family("measured", "the measurement itself", "#555555"),
+        model=MeasuredTable,
+        fit_material=_fit,
+        packages=(),
+        # Its error is 0: nothing is learnt from it.
+        baseline=False,
+    ),
+)

@@ -2,11 +2,16 @@
 
 import time
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from fitters.errors import FittersError
 from fitters.grid import Array
+
+if TYPE_CHECKING:
+    from fitters.expressions import Expression
+    from fitters.models.model_code import ModelCode
 
 COST_DIRECTIONS, COST_ROUNDS = 16384, 9
 
@@ -16,11 +21,13 @@ class Model(ABC):
 
     Directions are unit vectors (n, 3), the normal is +z; w_i points to the light, w_o to the viewer.
 
-    `kind` names the class in a saved file. `fit_seconds` is what the fit of all three channels took.
+    `kind` names the class in a saved file. `fit_seconds` is what the fit of all three channels took. `expression`
+    is there where the model is a formula.
     """
 
     kind: ClassVar[str]
     fit_seconds: float = 0.0
+    expression: "Expression | None" = None
 
     @property
     @abstractmethod
@@ -55,6 +62,20 @@ class Model(ABC):
     @abstractmethod
     def from_arrays(cls, arrays: dict[str, np.ndarray]) -> "Model":
         """The model that `arrays` came from."""
+
+    @property
+    def named_parameters(self) -> dict[str, tuple[float, float, float]]:
+        """Of a formula: its parameters `p0`.. by name, of the three channels; of any other model none."""
+        return {}
+
+    def scalar_code(self) -> "ModelCode":
+        """The model as code for one pair of directions, which `fitters.judging.timing` compiles and times.
+
+        Raises `FittersError` where a kind of model has none.
+        """
+        raise FittersError(
+            f"{self.kind} has no code for one pair of directions: define {type(self).__name__}.scalar_code"
+        )
 
     def cost_ns(self) -> float:
         """Nanoseconds per evaluation of a channel on this machine, one thread, directions given.

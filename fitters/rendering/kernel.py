@@ -1,9 +1,9 @@
-"""Which cells a pixel sees, and by how much light: one row of the image map after the other.
+"""The cells that a pixel sees and the light in them: the rows of the image map, one after the other.
 
 The integral over light directions is taken in two ways. Within `NEAR_BINS` bins of theta_half, half vectors are
-laid around the normal, as fine as the bins there: so the sharpest lobe keeps its energy. Elsewhere every texel of
-the light gives all its energy to the cell of its middle, texels being as large as the bins allow: so the smallest
-window of the light is seen.
+placed around the normal, as fine as the bins there, so that the sharpest lobe keeps its energy. Elsewhere every
+texel of the light gives all its energy to the cell of its centre; texels are as large as the bins allow. So the
+smallest window of the light is seen.
 """
 
 import math
@@ -20,9 +20,9 @@ from fitters.scenes.cells import cell_index, cell_of, frame_about, texel_of
 NEAR_BINS = 12
 """Up to 1.6 degrees from the normal."""
 STEPS, AZIMUTHS = 3, 96
-"""Half vectors in each of these bins: so many rings of so many."""
+"""Half vectors in each of these bins: the number of rings, and the number in a ring."""
 SPREAD = 2.0
-"""Elsewhere half vectors of a texel spread over so many bins at most, and over half as many within `FINE_BINS`."""
+"""Elsewhere the half vectors of a texel spread over at most this many bins, half as many within `FINE_BINS`."""
 FINE_BINS = 30
 """Up to 10 degrees from the normal, where most lobes lie."""
 BLOCK = SHAPE[1] * SHAPE[2]
@@ -43,9 +43,9 @@ def pixel_rows(
     azimuths: int,
     spread: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.uint16], NDArray[np.uint32], NDArray[np.float32]]:
-    """What pixels of these normals and views (p, 3) see, in the packed form of `fitters.rendering.ImageMap`.
+    """The light that pixels with normals and views (p, 3) see, in the packed form of `fitters.rendering.ImageMap`.
 
-    `visible` (p, texels) says what of the light, at `light_rows` rows, each of them sees; (1, 1) for all.
+    `visible` (p, texels) says which texels of the light, at `light_rows` rows, each pixel sees; (1, 1) for all.
     `texels`, `centres`, `rows` and `starts` are those of a `Pyramid`.
     """
     count = normals.shape[0]
@@ -56,22 +56,22 @@ def pixel_rows(
     end = 0
     for p in range(count):
         sees = visible[p % len(visible)]
-        found = _near(normals[p], views[p], sees, light_rows, texels, rows, starts, steps, azimuths, sums, touched)
-        found = _far(
-            normals[p], views[p], sees, light_rows, texels, centres, rows, starts, spread, sums, touched, found
+        cells = _near(normals[p], views[p], sees, light_rows, texels, rows, starts, steps, azimuths, sums, touched)
+        cells = _far(
+            normals[p], views[p], sees, light_rows, texels, centres, rows, starts, spread, sums, touched, cells
         )
-        touched[:found].sort()
-        while end + found > len(codes):
+        touched[:cells].sort()
+        while end + cells > len(codes):
             codes = np.concatenate((codes, np.empty_like(codes)))
             words = np.concatenate((words, np.empty_like(words)))
-        scales[p] = packed_row(sums, touched[:found], words[end : end + found])
-        for k in range(found):
+        scales[p] = packed_row(sums, touched[:cells], words[end : end + cells])
+        for k in range(cells):
             cell = touched[k]
             codes[end + k] = cell % BLOCK
             pointers[p * SHAPE[0] + cell // BLOCK + 1] += 1
             for c in range(3):
                 sums[cell, c] = 0.0
-        end += found
+        end += cells
     return np.cumsum(pointers), codes[:end].copy(), words[:end].copy(), scales
 
 
@@ -89,12 +89,12 @@ def _near(
     sums: Array,
     touched: NDArray[np.int32],
 ) -> int:
-    """Adds the light whose half vectors lie in the first `NEAR_BINS` bins to `sums` (CELLS, 3), notes the cells in
-    `touched`, and returns their number.
+    """Adds the light whose half vectors lie in the first `NEAR_BINS` bins to `sums` (CELLS, 3), writes the indices
+    of the cells to `touched`, and returns their number.
     """
     first, second = frame_about(normal)
     finest = len(rows) - 1
-    found = 0
+    cells = 0
     for half_bin in range(NEAR_BINS):
         for step in range(steps):
             low, high = _theta_half(half_bin + step / steps), _theta_half(half_bin + (step + 1) / steps)
@@ -115,8 +115,8 @@ def _near(
                 )
                 cell = cell_index(half_bin, cos_diff, math.atan2(across, cos_diff * cos_half - cos_i))
                 radiance = texels[starts[finest] + texel_of(w_i, rows[finest])]
-                found = _add(cell, radiance, cos_i * 4 * cos_diff * solid_angle, sums, touched, found)
-    return found
+                cells = _add(cell, radiance, cos_i * 4 * cos_diff * solid_angle, sums, touched, cells)
+    return cells
 
 
 @njit
@@ -132,11 +132,11 @@ def _far(
     spread: float,
     sums: Array,
     touched: NDArray[np.int32],
-    found: int,
+    cells: int,
 ) -> int:
-    """As `_near` for all other light, texel by texel: one is divided by four until it is small enough."""
+    """As `_near` for all other light, texel by texel; a texel is divided by four until it is small enough."""
     near, fine, finest = _theta_half(NEAR_BINS), _theta_half(FINE_BINS), len(rows) - 1
-    # Texels still to be visited: level, row, column. A level holds 4 more than it gives back.
+    # Texels still to be visited: level, row, column. Dividing one adds four.
     waiting = np.empty((2 * rows[0] ** 2 + 128, 3), np.int64)
     count = 0
     for row in range(rows[0]):
@@ -160,7 +160,7 @@ def _far(
         level_sine, phi = math.sqrt(1 - w_i[1] ** 2), (column + 0.5) * extent
         w_i[0], w_i[2] = level_sine * math.sin(phi), -level_sine * math.cos(phi)
         cos_i = normal[0] * w_i[0] + normal[1] * w_i[1] + normal[2] * w_i[2]
-        # The corners of a texel are within 0.71 of its extent, those of its half vectors within half of that.
+        # The corners of a texel lie within 0.71 of its extent, those of its half vectors within half of that.
         if cos_i < -0.75 * extent:
             continue
         theta_half = _angle(normal, w_i, view)
@@ -184,29 +184,29 @@ def _far(
         if theta_half < near or cos_i <= 0.0 or not (len(sees) == 1 or sees[texel_of(w_i, light_rows)]):
             continue
         weight = cos_i * (upper - lower) * extent
-        found = _add(cell_of(normal, w_i, view, cos_i), radiance, weight, sums, touched, found)
-    return found
+        cells = _add(cell_of(normal, w_i, view, cos_i), radiance, weight, sums, touched, cells)
+    return cells
 
 
 @njit
-def _add(cell: int, radiance: Array, weight: float, sums: Array, touched: NDArray[np.int32], found: int) -> int:
+def _add(cell: int, radiance: Array, weight: float, sums: Array, touched: NDArray[np.int32], cells: int) -> int:
     if sums[cell, 0] == 0.0 and sums[cell, 1] == 0.0 and sums[cell, 2] == 0.0:
-        touched[found] = cell
-        found += 1
+        touched[cells] = cell
+        cells += 1
     for c in range(3):
         sums[cell, c] += radiance[c] * weight
-    return found
+    return cells
 
 
 @njit
 def _theta_half(bins: float) -> float:
-    """The angle at so many bins of theta_half."""
+    """theta_half (radians) at a number of bins from 0."""
     return (bins / SHAPE[0]) ** 2 * (math.pi / 2)
 
 
 @njit
 def _angle(normal: Array, w_i: Array, view: Array) -> float:
-    """theta_half of unit directions."""
+    """theta_half (radians) of two unit directions about a normal."""
     x, y, z = w_i[0] + view[0], w_i[1] + view[1], w_i[2] + view[2]
     length = max(math.sqrt(x * x + y * y + z * z), 1e-12)
     cosine = (normal[0] * x + normal[1] * y + normal[2] * z) / length

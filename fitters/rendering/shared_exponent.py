@@ -15,12 +15,12 @@ LARGEST = 65408.0
 """The largest value that the format holds, 511 / 512 2^16."""
 
 STEPS = 2.0 ** (np.arange(32) - 24.0)
-"""By exponent, what a mantissa counts."""
+"""By exponent, the value of one unit of a mantissa."""
 
 
 @njit
 def packed_row(colours: Array, at: NDArray[np.int32], words: NDArray[np.uint32]) -> float:
-    """Writes colours (n, 3) at indices (k,) to `words` (k,), and returns the scale by which these count."""
+    """Writes colours (n, 3) at indices (k,) to `words` (k,), and returns the factor that scales them back."""
     peak = 0.0
     for index in at:
         peak = max(peak, colours[index, 0], colours[index, 1], colours[index, 2])

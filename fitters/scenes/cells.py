@@ -1,4 +1,4 @@
-"""Compiled code that tells in which cell of the grid two directions lie; `fitters.grid` says what a cell is."""
+"""Compiled code that finds the cell of two directions on the grid of `fitters.grid`."""
 
 import math
 
@@ -27,7 +27,7 @@ def cell_of(normal: Array, w_i: Array, w_o: Array, cos_i: float) -> int:
 
 @njit
 def cell_index(half_bin: int, cos_diff: float, phi_diff: float) -> int:
-    """As `fitters.grid.cell_index`, the theta_half bin given; phi_diff in [-pi, pi] is folded modulo pi."""
+    """As `fitters.grid.cell_index` for a known bin of theta_half; phi_diff in [-pi, pi] is taken modulo pi."""
     diff_bin = min(int(math.acos(min(cos_diff, 1.0)) / (math.pi / 2) * SHAPE[1]), SHAPE[1] - 1)
     if phi_diff < 0.0:
         phi_diff += math.pi
@@ -51,7 +51,7 @@ def frame_about(normal: Array) -> tuple[Array, Array]:
 
 @njit
 def texel_of(direction: Array, rows: int) -> int:
-    """The texel, row by row, of a latitude-longitude map of so many rows that a unit direction (3,) lies in."""
+    """The index, row by row, of the texel of a unit direction (3,) in a map of `rows` x 2 `rows` texels."""
     theta = math.acos(max(min(direction[1], 1.0), -1.0))
     phi = math.atan2(direction[0], -direction[2])
     if phi < 0.0:

@@ -1,4 +1,4 @@
-"""Latitude-longitude environment maps: where a texel lies, how much sky it covers, and exact resampling."""
+"""Latitude-longitude environment maps: directions and solid angles of texels, and exact resampling."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ class EnvironmentMap:
         if wrong:
             raise FittersError(f"environment map: {wrong} values are negative or not finite")
         if not self.radiance.any():
-            raise FittersError("environment map: every texel is black, so that nothing would be lit")
+            raise FittersError("environment map: every texel is black; give a map with light in it")
 
     @property
     def rows(self) -> int:
@@ -58,7 +58,7 @@ class EnvironmentMap:
         return self.resampled(self.rows, degrees)
 
     def resampled(self, rows: int, degrees: float) -> "EnvironmentMap":
-        """`rotated(degrees).reduced(rows)` in a single averaging; both preserve `power` and a constant."""
+        """`rotated(degrees).reduced(rows)` in one step; `power` and a constant map stay as they are."""
         if rows == self.rows and degrees % 360 == 0:
             return self
         across = _column_weights(2 * self.rows, 2 * rows, degrees % 360 / 360)
@@ -75,7 +75,7 @@ def texel_angles(rows: int) -> tuple[Array, Array]:
 
 
 def texel_directions(rows: int) -> Array:
-    """Unit directions (rows, 2 rows, 3) towards the texel centres of a map of so many rows, in world space."""
+    """Unit directions (rows, 2 rows, 3) towards the texel centres of a map of `rows` rows, in world space."""
     theta, phi = texel_angles(rows)
     sin_theta, cos_theta = np.sin(theta)[:, None], np.cos(theta)[:, None]
     x, y, z = sin_theta * np.sin(phi), cos_theta, -sin_theta * np.cos(phi)
@@ -83,8 +83,8 @@ def texel_directions(rows: int) -> Array:
 
 
 def _edges(source: int, target: int) -> Array:
-    # In source texels and rounded, so that edges that coincide do so exactly: a sliver of rounding error
-    # would leak light into a texel that has none.
+    # In units of source texels, and rounded, so that edges which coincide are equal: otherwise rounding errors
+    # would bring light into a texel that has none.
     return np.round(np.arange(target + 1) * (source / target), 9)
 
 
@@ -95,7 +95,7 @@ def _row_weights(source: int, target: int) -> csr_array:
 
 
 def _column_weights(source: int, target: int, turn: float) -> csr_array:
-    # A right-handed turn by a moves light from azimuth phi + a to phi; source columns repeat once around.
+    # A right-handed turn by an angle a moves light from azimuth phi + a to phi; source columns are periodic.
     targets = np.round(_edges(source, target) + turn * source, 9)
     edges = np.union1d(np.arange(np.ceil(targets[0]), np.floor(targets[-1]) + 1), targets)
     return _averages(edges, np.diff(edges), source, target, targets)

@@ -1,4 +1,4 @@
-"""The geometry that a scene names: the built-in sphere, else what the camera of a scene file sees."""
+"""The geometry of a scene: the built-in sphere, or what the camera of a scene file sees."""
 
 import os
 from dataclasses import replace
@@ -19,23 +19,25 @@ VERSION = 2
 
 
 POINTS = 512
-"""So many points across an image, at least, stand for the surface where light is added up over all of it."""
+"""The least number of points across an image over which the light on a surface is added up."""
 
 
 def load_points(scene: Scene, *, base: Path | None = None) -> Geometry:
-    """The surface as `POINTS` x `POINTS` pixels would show it, or as many as the scene has; without shadows.
+    """The surface in an image of at least `POINTS` pixels across, without shadows.
 
-    Some two seconds for a surface that fills the image, then from the disk cache. Errors as `load_geometry`.
+    This takes about two seconds for a surface that fills the image, and is then kept in the disk cache.
+    Raises `FittersError` as `load_geometry` does.
     """
     finer = -(-POINTS // scene.resolution) * scene.resolution
     return load_geometry(replace(scene, resolution=finer, shadows=False), base=base)
 
 
 def load_geometry(scene: Scene, *, base: Path | None = None) -> Geometry:
-    """The geometry of a scene, of a file from the disk cache where it is there; found in `base` where relative.
+    """The geometry of a scene; a scene file is read once and then kept in the disk cache.
 
-    With shadows, finding what each point sees takes 2 to 4 s for a million pairs of a pixel and a texel above its
-    horizon: half a minute for 64 x 64 pixels that the surface fills. Raises `FittersError` for a bad file.
+    A relative path counts from `base`. With shadows, visibility takes 2 to 4 s for a million pairs of a pixel and
+    a texel above its horizon: half a minute for 64 x 64 pixels that the surface fills. Raises `FittersError` for a
+    bad file.
     """
     if scene.geometry == SPHERE:
         return sphere(scene.resolution)
@@ -49,13 +51,15 @@ def load_geometry(scene: Scene, *, base: Path | None = None) -> Geometry:
     def build() -> dict[str, np.ndarray]:
         towards = texel_directions(rows).reshape(-1, 3) if rows else None
         reach = 0.71 * np.pi / rows if rows else 0.0
-        found = mitsuba_geometry(path, scene.resolution, shape=scene.shape, towards=towards, spread=reach)
-        visible = np.zeros((len(found.pixels), 0), bool) if found.visible is None else found.visible
+        geometry = mitsuba_geometry(path, scene.resolution, shape=scene.shape, towards=towards, spread=reach)
+        visible = geometry.visible
+        if visible is None:
+            visible = np.zeros((len(geometry.pixels), 0), bool)
         return {
-            "normals": found.normals,
-            "views": found.views,
-            "pixels": found.pixels,
-            "shape": np.array(found.shape),
+            "normals": geometry.normals,
+            "views": geometry.views,
+            "pixels": geometry.pixels,
+            "shape": np.array(geometry.shape),
             "visible": np.packbits(visible, axis=1),
         }
 

@@ -1,4 +1,4 @@
-"""What a camera sees of a surface: of every pixel the normal, the direction to the viewer, the light it gets."""
+"""What a camera sees of a surface: the normal, the view and the visible light of every pixel."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from fitters.errors import FittersError
 from fitters.grid import Array
 
 DISC = 0.998
-"""Pixels with x^2 + y^2 below this belong to the sphere; the grazing rest is left out."""
+"""Pixels with x^2 + y^2 below this belong to the sphere; those at grazing angles are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,8 @@ class Geometry:
     views:   (p, 3) unit directions w_o towards the camera, above the surface
     pixels:  (p,) flat indices into the image, row 0 at the top
     shape:   (rows, columns) of the image
-    visible: (p, texels) which texels of the light's reduced map the surface sees, row by row; None where it sees
-             whatever is above its horizon
+    visible: (p, texels) which texels of the light's reduced map reach the surface, row by row; None where all that
+             are above its horizon do
 
     Raises `FittersError` unless the arrays fit each other and some pixel shows the surface.
     """
@@ -40,7 +40,7 @@ class Geometry:
         if self.normals.shape != (count, 3) or self.views.shape != (count, 3):
             raise FittersError(
                 f"geometry: {count} pixels, normals {self.normals.shape}, views {self.views.shape}: "
-                "each pixel has one of both"
+                "each pixel needs one of both"
             )
         if self.visible is not None and len(self.visible) != count:
             raise FittersError(f"geometry: {count} pixels, visibility of {len(self.visible)}")
@@ -53,9 +53,9 @@ class Geometry:
 
 
 def sphere(resolution: int) -> Geometry:
-    """The unit sphere that fills a square image of so many pixels across, seen along -z with +y up.
+    """The unit sphere in a square image that it fills, `resolution` pixels across, seen along -z with +y up.
 
-    Pixels go row by row from the bottom.
+    Pixels are listed row by row from the bottom.
     """
     axis = (np.arange(resolution) + 0.5) / resolution * 2 - 1
     squared = axis**2 + axis[:, None] ** 2

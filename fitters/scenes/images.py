@@ -14,7 +14,7 @@ from fitters.scenes.environment import EnvironmentMap
 FORMATS = ("hdr", "openexr")
 MAX_ROWS = 8192
 NEGLIGIBLE = 1e-4
-"""Negative values smaller than this share of the mean are filter ringing and read as 0."""
+"""Negative values below this share of the mean come from image filters and are read as 0."""
 
 
 def read_map(path: Path) -> EnvironmentMap:
@@ -70,7 +70,10 @@ def _check_header(image: Any) -> list[int]:
 
 
 def clean(pixels: Array) -> Array:
-    """`pixels` as float64 with negligible negative values set to 0; others and NaN or infinity raise."""
+    """Pixels as float64, negligible negative values set to 0.
+
+    Raises `FittersError` for other negative values, NaN and infinity.
+    """
     radiance = pixels.astype(np.float64)
     infinite = int(np.count_nonzero(~np.isfinite(radiance)))
     if infinite:

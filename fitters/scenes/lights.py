@@ -1,4 +1,4 @@
-"""Lights by name: two procedural ones that need no file, else an image file."""
+"""Lights: two built-in ones that need no file, and image files."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -14,7 +14,7 @@ ROWS = 256
 
 
 def load_light(light: str, *, base: Path | None = None) -> EnvironmentMap:
-    """The map of a built-in light, or of the file at `light`, found in `base` (else the working folder).
+    """The map of a built-in light, or of an image file; a relative path counts from `base`.
 
     Raises `FittersError` for a file that is not a latitude-longitude map.
     """

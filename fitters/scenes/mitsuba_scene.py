@@ -1,4 +1,4 @@
-"""Geometry from Mitsuba 3 scene files: what the scene's camera sees, and what each seen point sees of the sky."""
+"""Geometry from Mitsuba 3 scene files: what the camera of a scene sees, and which light each point sees."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,14 +13,14 @@ from fitters.grid import Array
 from fitters.scenes.geometry import DISC, Geometry
 
 VARIANT = "scalar_rgb"
-"""It needs no LLVM, which in versions that do not suit it ends the process."""
+"""It needs no LLVM: with some versions of LLVM Mitsuba ends the process."""
 
 FACING = (1 - DISC) ** 0.5
-"""A pixel belongs to the surface if its normal and its view enclose a larger cosine, as on the built-in sphere."""
+"""A pixel belongs to the surface if the cosine of its normal and its view is larger, as on the built-in sphere."""
 
 
 class _Hit(NamedTuple):
-    """What the ray of a pixel (flat index) meets."""
+    """What the ray of a pixel (flat index) hits."""
 
     pixel: int
     normal: Array
@@ -34,13 +34,13 @@ def mitsuba_geometry(
     """What the first camera of a Mitsuba scene file sees, one ray through each pixel's centre.
 
     The image is `resolution` pixels wide and as high as the film's aspect ratio says. `shape` is the id of the
-    only shape to look at; the others hide it and cast shadows. `towards` (texels, 3) are unit directions whose
-    visibility is found, each standing for those within `spread` radians; without it nothing casts a shadow.
+    only shape to look at; the others hide it and cast shadows. `towards` (texels, 3) are unit directions for which
+    visibility is computed, each representing those within `spread` radians; without it nothing casts a shadow.
 
     Positions, interpolated ("shading") normals and occlusion are the scene's; its materials, lights, bump maps
-    and masks do not count. World space is that of the environment map: +y is up. Surfaces have two sides: a
-    normal is turned to the side that the camera sees. Pixels whose normal is even then turned away, or by less
-    than `FACING` towards the camera, are left out.
+    and masks are ignored. World space is that of the environment map: +y is up. Surfaces have two sides: a normal
+    is turned to the side that the camera sees. Pixels where the cosine of normal and view is still below `FACING`
+    are left out.
 
     Raises `FittersError` where Mitsuba or a file is missing, or the scene shows no surface.
     """
@@ -60,7 +60,7 @@ def mitsuba_geometry(
 
 @contextmanager
 def _mitsuba(path: Path) -> Iterator[Any]:
-    """The library in the variant used here, and quiet; the variant and level that it had are restored."""
+    """Mitsuba with the variant used here, without messages; variant and log level are restored afterwards."""
     try:
         import mitsuba as mi
     except ImportError:
@@ -94,7 +94,7 @@ def _loaded(mi: Any, path: Path) -> Any:
 
 
 def _check_shape(scene: Any, path: Path, shape: str | None) -> None:
-    known = sorted(found.id() for found in scene.shapes())
+    known = sorted(one.id() for one in scene.shapes())
     if shape is not None and shape not in known:
         raise FittersError(f"{path}: has no shape of id {shape!r}; there are {', '.join(known) or 'none'}")
 
@@ -124,7 +124,7 @@ def _hits(scene: Any, size: tuple[int, int], shape: str | None) -> Iterator[_Hit
 def _visibility(mi: Any, scene: Any, hits: list[_Hit], towards: Array, spread: float) -> NDArray[np.bool_]:
     """(p, texels): which directions above the horizon of its normal reach the sky from each point.
 
-    What straddles the horizon is seen where that part of it is which lies above.
+    A direction that represents light on both sides of the horizon is moved to the part above it.
     """
     visible = np.zeros((len(hits), len(towards)), bool)
     for seen, hit in zip(visible, hits, strict=True):
@@ -134,7 +134,7 @@ def _visibility(mi: Any, scene: Any, hits: list[_Hit], towards: Array, spread: f
         directions = towards[above] + lift[:, None] * hit.normal
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         outside = directions @ _unit(hit.interaction.n) >= 0
-        # A ray starts a little off the surface, on the side to which it goes.
+        # A ray starts close to the surface, on the side of its direction.
         starts = [hit.interaction.spawn_ray(side * hit.interaction.n) for side in (-1, 1)]
         for texel, direction, out in zip(above.tolist(), directions.tolist(), outside.tolist(), strict=True):
             ray = starts[int(out)]
@@ -144,6 +144,6 @@ def _visibility(mi: Any, scene: Any, hits: list[_Hit], towards: Array, spread: f
 
 
 def _unit(vector: Any) -> Array:
-    """A vector of Mitsuba's, single in precision, as a unit vector (3,) float64."""
-    found = np.array([vector.x, vector.y, vector.z], np.float64)
-    return found / np.linalg.norm(found)
+    """A single-precision vector of Mitsuba as a unit vector (3,) float64."""
+    components = np.array([vector.x, vector.y, vector.z], np.float64)
+    return components / np.linalg.norm(components)

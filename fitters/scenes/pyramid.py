@@ -1,4 +1,4 @@
-"""An environment map at all resolutions: each level has half the rows of the one below it, and the same energy."""
+"""An environment map at several resolutions, each with twice the rows of the one before and the same energy."""
 
 from dataclasses import dataclass
 
@@ -9,9 +9,9 @@ from fitters.grid import Array
 from fitters.scenes.environment import EnvironmentMap
 
 COARSEST = (8, 64)
-"""Rows of the first level: as few as halving exactly leads to within these."""
+"""Rows of the first level lie between these: the smallest number that exact halving reaches."""
 FINEST = 1024
-"""Rows of the last level at most: texels of 0.18 degrees."""
+"""The largest number of rows of the last level: texels of 0.18 degrees."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +19,7 @@ class Pyramid:
     """Levels from the coarsest map to the finest.
 
     texels:  (n, 3) radiance, level by level, row by row
-    centres: (n, 3) unit directions to the middle of the light that a texel holds
+    centres: (n, 3) unit directions to the centre of the light in a texel
     rows:    (levels,) of each level, doubling
     starts:  (levels,) where the texels of each level begin
     """
@@ -31,8 +31,10 @@ class Pyramid:
 
 
 def pyramid(light: EnvironmentMap) -> Pyramid:
-    """The pyramid of a map; its finest level is the map, or, where that cannot be halved often enough or is very
-    large, as near to it as a power of two comes.
+    """The pyramid of a map.
+
+    Its finest level is the map itself, or, if the map is very large or cannot be halved often enough, the map at a
+    power of two rows.
     """
     rows = _halvings(light.rows)
     if rows[0] > COARSEST[1] or rows[-1] > FINEST:
@@ -46,10 +48,10 @@ def pyramid(light: EnvironmentMap) -> Pyramid:
 
 
 def _centres(levels: list[EnvironmentMap]) -> list[Array]:
-    """By level the directions (texels, 3) to the middle of every texel's light, of all channels together."""
+    """By level the directions (texels, 3) to the centre of every texel's light, the sum of all channels."""
     finest = levels[-1]
     energy = finest.radiance.sum(axis=-1) * finest.solid_angles()
-    # Dark texels have a middle, too.
+    # Dark texels need a centre, too.
     moment = (energy + 1e-9 * energy.max())[..., None] * finest.directions()
     moments = [moment]
     for level in levels[-2::-1]:
@@ -58,8 +60,8 @@ def _centres(levels: list[EnvironmentMap]) -> list[Array]:
 
 
 def _halvings(rows: int) -> list[int]:
-    """Rows of the levels down to these, rising."""
-    found = [rows]
-    while found[0] % 2 == 0 and found[0] // 2 >= COARSEST[0]:
-        found.insert(0, found[0] // 2)
-    return found
+    """Rows of the levels up to this number, rising."""
+    levels = [rows]
+    while levels[0] % 2 == 0 and levels[0] // 2 >= COARSEST[0]:
+        levels.insert(0, levels[0] // 2)
+    return levels

@@ -1,4 +1,4 @@
-"""How much light a map holds in every ring about the view: in closed form along the rows of the map."""
+"""The light of a map in every ring about the view, in closed form along the rows of the map."""
 
 import numpy as np
 
@@ -6,9 +6,9 @@ from fitters.grid import Array
 from fitters.scenes.environment import EnvironmentMap
 
 ROUNDING = 1e-12
-"""A ring that holds less of all light than this is dark."""
+"""A ring with less than this share of all light is dark."""
 LINES = 16384
-"""So many lines of constant elevation, at least, are integrated over the whole map."""
+"""The least number of lines of constant elevation that are integrated over the whole map."""
 
 
 def ring_energies(light: EnvironmentMap, count: int, *, degrees: float = 0.0) -> Array:
@@ -16,7 +16,7 @@ def ring_energies(light: EnvironmentMap, count: int, *, degrees: float = 0.0) ->
 
     Ring k holds the directions at k / count pi to (k + 1) / count pi from +z. The light is turned about +y by
     `degrees`, as `EnvironmentMap.rotated` does. Texels are constant: along a line of constant elevation the light
-    of a ring is exact, and over elevations it is a midpoint sum (3e-5 of the light table of Grace Cathedral).
+    of a ring is exact; over elevations it is a midpoint sum (error 3e-5 of the light table of Grace Cathedral).
     """
     steps = -(-LINES // light.rows)
     edges = np.cos(np.arange(count + 1) / count * np.pi)
@@ -27,13 +27,13 @@ def ring_energies(light: EnvironmentMap, count: int, *, degrees: float = 0.0) ->
         lines = _within(light.radiance[row], (limits[1:] + limits[:-1]) / 2, edges, np.radians(degrees))
         within += np.einsum("n,nmc->mc", bands, lines)
     rings = np.diff(within, axis=0)
-    # What is left of differences of equal numbers is not light.
+    # Differences of equal numbers leave rounding errors, which are not light.
     return np.where(rings > ROUNDING * np.sum(np.abs(rings), axis=0), rings, 0.0)
 
 
 def _within(radiance: Array, elevations: Array, edges: Array, turn: float) -> Array:
-    """The integral over azimuth of a row's radiance (columns, 3) on lines at angles from the zenith (n,), as far
-    as z is above an edge (m,): (n, m, 3).
+    """The integral (n, m, 3) over azimuth of a row's radiance (columns, 3), as far as z is above an edge (m,), on
+    lines at angles (n,) from the zenith.
     """
     columns = len(radiance)
     summed = np.concatenate([np.zeros((1, 3)), np.cumsum(radiance, axis=0)]) * (2 * np.pi / columns)
@@ -44,7 +44,7 @@ def _within(radiance: Array, elevations: Array, edges: Array, turn: float) -> Ar
 
 
 def _upto(summed: Array, azimuth: Array) -> Array:
-    """The integral from azimuth 0 of a row; `summed` (columns + 1, 3) is that up to the edges of its texels."""
+    """The integral of a row from azimuth 0; `summed` (columns + 1, 3) is that up to the edges of its texels."""
     columns = len(summed) - 1
     place = azimuth / (2 * np.pi) * columns
     whole = np.floor(place)

@@ -1,8 +1,8 @@
 """The light table of any geometry by sampling, until two halves of the samples agree.
 
 At every point of the surface two kinds of directions are drawn: light directions by the energy of the map, which
-finds small bright windows, and half vectors around the normal, which resolves the narrow bins there. Each sample
-counts by the density of both together (the balance heuristic of Veach 1997), so that the table has no bias.
+find small bright windows, and half vectors around the normal, which resolve the narrow bins there. Each sample is
+weighted by the density of both together (the balance heuristic of Veach 1997), so that the table has no bias.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -19,25 +19,25 @@ from fitters.scenes.environment import EnvironmentMap
 from fitters.scenes.geometry import Geometry
 
 TOLERANCE = 0.05
-"""A table has converged at this relative L2 distance from its limit, as two halves of the samples tell it."""
+"""A table has converged at this relative L2 distance from its limit, estimated from two halves of the samples."""
 ROUNDS = 7
-"""So often the number of samples is doubled at most."""
+"""The number of samples is doubled at most this many times."""
 LIGHT_SAMPLES = 128
-"""Light directions at a point of the surface, each time that all points are visited."""
+"""Light directions per point of the surface, in each pass over all points."""
 HALF_SAMPLES = np.array([2] * 16 + [1] * 16 + [0] * 58)
-"""Likewise half vectors in each bin of theta_half."""
+"""Half vectors per point and pass in each bin of theta_half."""
 GOLDEN, PLANE = 0.6180339887498949, (0.7548776662466927, 0.5698402909980532)
 """Steps of the sequences that fill a line and a plane most evenly (Roberts 2018)."""
 POOL = 1 << 20
-"""Light directions that are drawn from, fixed and by the energy of the map."""
+"""The number of light directions to choose from, drawn once by the energy of the map."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """Directions drawn by energy, and what to look up at others.
+    """Directions drawn by energy, and the map itself for other directions.
 
-    directions: (m, 3), with `radiance` (m, 3), `density` (m,) in sr^-1 and `seen_as` (m,), their texels in the map
-                that visibility is known for
+    directions: (m, 3), with `radiance` (m, 3), `density` (m,) in sr^-1 and `seen_as` (m,), their texels in the
+                reduced map for which visibility is known
     texels:     (rows x 2 rows, 3) radiance of the map, with `texel_density` (rows x 2 rows,) in sr^-1
     """
 
@@ -55,9 +55,9 @@ def sampled_table(
 ) -> tuple[Array, float]:
     """Light through each cell (3, 90, 90, 180), and its relative L2 distance from the limit (largest of channels).
 
-    The mean is over `points`, an image of the surface that may be finer than `image`. Each point sees as much of
-    the light, at `light_rows` x 2 `light_rows` texels, as the nearest pixel of `image`. The distance is half that
-    of two tables made from half of the points each; after `ROUNDS` it may still be above `tolerance`.
+    The mean is over `points`, an image of the surface that may be finer than `image`. Each point sees the same
+    texels, of `light_rows` x 2 `light_rows`, as the nearest pixel of `image`. The distance is half that of two
+    tables, each made from half of the points; after `ROUNDS` it may still be above `tolerance`.
     """
     drawn = _drawn(light, light_rows)
     visible = np.ones((1, 1), bool) if image.visible is None else image.visible
@@ -77,7 +77,7 @@ def sampled_table(
     with ThreadPoolExecutor(2) as pool:
         while distance > tolerance and rounds < 1 << ROUNDS:
             for seed in range(rounds, max(2 * rounds, 1)):
-                # Added up in one order, whoever is done first.
+                # Added up in a fixed order, whichever is finished first.
                 for half, table in enumerate(pool.map(batch, (2 * seed, 2 * seed + 1))):
                     halves[half] += table
             rounds = max(2 * rounds, 1)
@@ -88,8 +88,8 @@ def sampled_table(
 def _distance(halves: Array) -> float:
     """Relative L2 distance of the mean of two tables (2, cells, 3) from their limit, the largest of the channels.
 
-    Their errors are independent: the mean is half their difference away from the limit, which is so much shorter
-    than the mean itself.
+    Their errors are independent, so that the mean is half their difference away from the limit; the squared length
+    of the limit is the smaller by that.
     """
     apart = np.sum((halves[0] - halves[1]) ** 2, axis=0)
     limit = np.sum((halves[0] + halves[1]) ** 2, axis=0) - apart
@@ -151,9 +151,9 @@ def _gather(
     shifts: Array,
     table: Array,
 ) -> None:
-    """Adds to `table` (CELLS, 3) what all points gather; `visible` is (places, texels), or (1, 1) for all light.
+    """Adds the light on all points to `table` (CELLS, 3); `visible` is (places, texels), or (1, 1) for all light.
 
-    Samples follow the golden ratio's sequences (Roberts 2018), which `shifts` (3,) move at random.
+    Samples follow the sequences of the golden ratio (Roberts 2018), shifted at random by `shifts` (3,).
     """
     everything = visible.shape[1] == 1
     stride = len(directions) // light_samples

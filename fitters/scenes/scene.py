@@ -11,7 +11,7 @@ SPHERE = "sphere"
 
 @dataclass(frozen=True)
 class Scene:
-    """A surface under an environment map, seen by a camera; small, hashable, travels anywhere.
+    """A surface under an environment map, seen by a camera; small, hashable and cheap to send to a process.
 
     The built-in sphere's camera is orthographic and looks along -z with +y up, so that w_o = (0, 0, 1) at every
     pixel. Raises `FittersError` for numbers out of range.
@@ -20,7 +20,7 @@ class Scene:
     light: str = "studio"
     """A built-in light, `studio` or `overcast`, or the path of a .hdr or .exr latitude-longitude map."""
     rotation: float = 0.0
-    """Degrees by which the light turns about +y, right-handed: light behind the camera moves to its right."""
+    """Degrees by which the light is turned about +y, right-handed: light behind the camera moves to its right."""
     resolution: int = 64
     """Pixels across the image, 1 to 1024; the light table of the sphere does not depend on it."""
     light_rows: int = 48

@@ -1,4 +1,4 @@
-"""What a Mitsuba scene file is made of: itself and the files that it names."""
+"""A Mitsuba scene file and all files that it names, as one content hash."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,14 +11,14 @@ from fitters.errors import FittersError
 def content_sha256(path: Path) -> str:
     """Content hash of a scene file and of every file that it names: included scenes, meshes, textures.
 
-    What an attribute names counts from the scene's folder or from that of a `<path>` element, parameters standing
-    for their defaults. Raises `FittersError` for what is not XML.
+    A name in an attribute counts from the scene's folder or from that of a `<path>` element; parameters have their
+    default values. Raises `FittersError` for a file that is not XML.
     """
     return cache.digest(*(file.read_bytes() for file in _files(path, set())))
 
 
 def _files(path: Path, seen: set[Path]) -> Iterator[Path]:
-    """The scene file and, in the order in which they are named, all that belong to it; each once."""
+    """The scene file and all files that belong to it, in the order in which they are named, each once."""
     if (identity := path.resolve()) in seen:
         return
     seen.add(identity)
@@ -48,5 +48,5 @@ def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
     except (OSError, ValueError):
-        # Most attributes are numbers and words, and some are no path at all.
+        # Most attributes are numbers and words; some cannot be paths.
         return False

@@ -7,7 +7,7 @@ from fitters.scenes.environment import EnvironmentMap
 from fitters.scenes.rings import ring_energies
 
 RINGS = 4
-"""Rings to a bin of theta_diff."""
+"""Rings in a bin of theta_diff."""
 AZIMUTHS = 4
 """Points of a Gauss rule in a bin of phi_diff."""
 
@@ -26,9 +26,9 @@ def sphere_table(rings: Array) -> Array:
 
         T = 1 / pi integral of E(theta_diff) cos(theta_i) cos(theta_o) sin(theta_half) over the cell,
 
-    E being the light of the ring at 2 theta_diff about the view, and the cosines those of Rusinkiewicz (1998).
-    Over theta_half the integral is exact, up to the horizon where that cuts the cell; over phi_diff it is a Gauss
-    rule, and light is taken to lie in the middle of its ring. The number of rings is a multiple of 90.
+    where E is the light of the ring at 2 theta_diff about the view, and the cosines are those of Rusinkiewicz
+    (1998). Over theta_half the integral is exact, up to the horizon where that divides the cell; over phi_diff it
+    is a Gauss rule, and light is taken to lie in the middle of its ring. The number of rings is a multiple of 90.
     """
     halves, diffs, azimuths = SHAPE
     parts = len(rings) // diffs
@@ -37,7 +37,7 @@ def sphere_table(rings: Array) -> Array:
     table = np.zeros((3, *SHAPE))
     for point, share in zip(points, shares, strict=True):
         phi_diff = (np.arange(azimuths) + (point + 1) / 2) / azimuths * np.pi
-        # phi_diff counts modulo pi: a cell stands for both halves of the turn.
+        # phi_diff is taken modulo pi: a cell covers both halves of the turn.
         density = _over_theta_half(theta_diff, phi_diff) * (share / 2 * np.pi / azimuths * 2 / np.pi)
         lit = rings.T[:, None, :, None] * density[None]
         table += lit.reshape(3, halves, diffs, parts, azimuths).sum(axis=3)

@@ -1,5 +1,6 @@
 """The light table of a scene (Brady et al. 2014, section 3.5), kept on disk by content hash."""
 
+import functools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from fitters.scenes.geometries import load_geometry, load_points
 from fitters.scenes.lights import load_light
 from fitters.scenes.sampled import TOLERANCE, sampled_table
 from fitters.scenes.scene import SPHERE, Scene
-from fitters.scenes.sphere import sphere_light
+from fitters.scenes.sphere import RINGS, sphere_light, sphere_table
 
 VERSION = 2
 """Part of the content hash: raise it whenever the same light and scene would give another table."""
@@ -23,7 +24,7 @@ VERSION = 2
 class LightTable:
     """Light that a render of a scene carries through each cell with BRDF 1 sr^-1, the mean over its pixels.
 
-    The dot product of `table` and a BRDF, both (3, 90, 90, 180), is the mean colour of the sphere. Raises
+    The dot product of `table` and a BRDF, both (3, 90, 90, 180), is the mean colour of the image. Raises
     `FittersError` unless the arrays fit each other and some cell is lit.
     """
 
@@ -34,7 +35,7 @@ class LightTable:
     sha256: str
     """Content hash (32 hexadecimal digits) of the light and the numbers that made the table."""
     distance: float = 0.0
-    """Relative L2 distance from the table that ever more samples would give; 0 for a closed form."""
+    """Relative L2 distance from the limit of more and more samples; 0 for a closed form."""
 
     @property
     def converged(self) -> bool:
@@ -42,7 +43,7 @@ class LightTable:
 
     @property
     def exactness(self) -> str:
-        """In words how far it is from its limit."""
+        """Its distance from the limit, in words."""
         if self.distance == 0:
             return "in closed form"
         return f"sampled, {100 * self.distance:.1f} % from its limit (relative L2)"
@@ -61,11 +62,11 @@ class LightTable:
 
 
 def light_table(scene: Scene, *, base: Path | None = None) -> LightTable:
-    """The light table of a scene, from the disk cache where it is there; relative paths are found in `base`.
+    """The light table of a scene, made once and then kept in the disk cache; relative paths count from `base`.
 
-    In closed form for the sphere, a second or two; by sampling for other geometry, up to some minutes, as
-    `distance` tells. Deterministic: the same light, geometry and numbers give the same bits. Raises `FittersError`
-    for a bad file.
+    In closed form for the sphere, which takes a second or two; by sampling for other geometries, which takes up to
+    some minutes and leaves a `distance`. Deterministic: equal light, geometry and numbers give equal bits. Raises
+    `FittersError` for a bad file.
     """
     light = load_light(scene.light, base=base)
     turn = float(scene.rotation % 360)
@@ -90,3 +91,15 @@ def light_table(scene: Scene, *, base: Path | None = None) -> LightTable:
     for array in (table, lit):
         array.flags.writeable = False
     return LightTable(table, lit, key, distance)
+
+
+@functools.cache
+def uniform_light() -> LightTable:
+    """The light table of radiance 1 from every direction, over a sphere.
+
+    The sum over all cells is pi, which a white surface reflects.
+    """
+    edges = np.cos(np.arange(RINGS * SHAPE[1] + 1) / (RINGS * SHAPE[1]) * np.pi)
+    rings = 2.0 * np.pi * -np.diff(edges)
+    table = sphere_table(np.repeat(rings[:, None], 3, axis=1)).astype(np.float32)
+    return LightTable(table, table[0] > 0, cache.digest("uniform light"))

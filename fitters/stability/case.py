@@ -1,6 +1,6 @@
-"""What a method is tried on: a measurement with one thing wrong, the light it is fitted under, and the truth."""
+"""Cases and hazards: a measurement with one defect, the light it is fitted under, and the truth."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -17,18 +17,18 @@ from fitters.scenes import EnvironmentMap, LightTable, load_light
 from fitters.scenes.sphere import sphere_light
 
 AZIMUTH_STEP = 8
-"""Light lies in every eighth azimuth only, so that a trial takes a second: some hundred thousand lit cells."""
+"""Only every eighth azimuth is lit, so that a trial takes a second: about a hundred thousand lit cells."""
 
 ALPHA = 0.2
 R0: RGB = (0.91, 0.60, 0.42)
 
 Known = Mapping[str, Mapping[str, float]]
-"""By formula, parameters that a fit of it should find again, the same in every channel."""
+"""By formula, the parameters that a fit of it should find, the same in every channel."""
 
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The undisturbed material, all of it known; `known` is empty where no formula made it."""
+    """The undisturbed material; `known` is empty for a measurement."""
 
     material: Material
     known: Known = field(default_factory=dict)
@@ -36,7 +36,7 @@ class Base:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """`measured` is what a method is given, `truth` what it is judged by in every cell that `light` reaches."""
+    """A method fits `measured`; it is judged against `truth` in every cell that `light` reaches."""
 
     truth: Material
     measured: Material
@@ -44,9 +44,26 @@ class Case:
     known: Known = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class Hazard:
+    """Something that is known to make fits fail: `make(base, level, seed)` is a case of it.
+
+    levels:     names of the severity, from mild to hard; `level` is an index of them
+    random:     whether the seed changes the case
+    any_base:   whether it can be made from any material, or needs a formula of its own
+    """
+
+    name: str
+    meaning: str
+    levels: tuple[str, ...]
+    make: Callable[[Base, int, int], Case]
+    random: bool = False
+    any_base: bool = True
+
+
 @lru_cache(maxsize=1)
 def metal() -> Base:
-    """The GGX of Walter et al. 2007 without a diffuse part, coloured: every method's best case."""
+    """A coloured GGX (Walter et al. 2007) without a diffuse part, which every method fits best."""
     samples = formula_samples("ggx", *({"p0": 0.0, "p1": 1.0, "p2": ALPHA, "p3": r0} for r0 in R0))
     return Base(material("ggx metal", samples), {"ggx": {"p2": ALPHA}})
 
@@ -58,7 +75,7 @@ def undisturbed(base: Base, light: LightTable | None = None) -> Case:
 
 @lru_cache(maxsize=1)
 def studio() -> LightTable:
-    """The light of all hazards that do not bring their own."""
+    """The light of all hazards that have none of their own."""
     return thinned_light(load_light("studio"))
 
 
@@ -82,22 +99,22 @@ def formula_samples(name: str, *channels: Mapping[str, float]) -> Array:
 
 
 def samples_of(of: Material) -> Array:
-    """The table (3, 90, 90, 180) as raw samples of its own, NaN where there is none."""
+    """The table (3, 90, 90, 180) as raw samples, NaN in cells that are not valid."""
     return np.where(of.valid, of.table, np.float32(np.nan))
 
 
 def material(name: str, samples: Array) -> Material:
-    """Raw samples taken as those of a file are; the hash is of what they hold."""
+    """A material of raw samples, treated as those of a file; its hash is that of its name and samples."""
     read = from_samples(name, samples, source="synthetic", sha256=cache.digest(name, samples))
     return without_outliers(read)
 
 
 def disturbed(base: Base, name: str, samples: Array) -> Case:
-    """Raw samples of the base with something done to them; the truth is the base."""
+    """A case whose samples were made from the base, which is the truth."""
     return Case(base.material, material(name, samples), studio(), base.known)
 
 
 def other_truth(name: str, samples: Array, known: Known | None = None, light: LightTable | None = None) -> Case:
-    """A material that is measured well, but is hard in itself."""
+    """A case whose material is measured without a defect, but hard to fit."""
     made = material(name, samples)
     return Case(made, made, light or studio(), known or {})

@@ -9,25 +9,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from fitters.errors import FittersError
-from fitters.expressions import Expression, to_text
+from fitters.expressions import Expression
 from fitters.expressions.catalogue import formula
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import (
-    ConfirmJob,
-    DescriptionJob,
-    FitJob,
-    FitProblem,
-    FitSettings,
-    confirm,
-    describe,
-    fit_problem,
-)
+from fitters.fitting import FitSettings, Problem, fit_formula
 from fitters.fitting.conditioning import Conditioning, conditioning
-from fitters.fitting.problem import CHANNELS
 from fitters.fitting.warnings import restart_errors
-from fitters.grid import Array
-from fitters.models import FormulaModel, Model
-from fitters.models.baselines import fit_baseline, formula_model
+from fitters.grid import CHANNELS, Array
+from fitters.models import FormulaModel, Model, material_fitter
 from fitters.models.factors import solving
 from fitters.models.factors.channel import Channel
 from fitters.models.factors.fitting import FactorFit, fit_from_starts, fit_independent_g, fit_naive
@@ -35,6 +24,7 @@ from fitters.models.factors.samples import Samples
 from fitters.models.factors.solving import Solved
 from fitters.models.factors.starts import slices, starts
 from fitters.models.factors.tables import MicrofacetFactors, SmithFactors
+from fitters.models.formula import formula_models, published
 from fitters.stability.case import Case
 
 SAMPLE, FINE = 2048, 16384
@@ -77,29 +67,26 @@ class Method:
 
 def _engine(name: str, case: Case, seed: int) -> Found:
     """The engine: linear parameters projected out, Nelder-Mead over the others, many starts, a last polish."""
-    published = formula(name)
-    problem = _problem(case, seed)
-    bounds = tuple((symbol, *interval) for symbol, interval in published.bounds.items())
-    job = FitJob((to_text(published.expression),), bounds, FitSettings())
-    confirmed = confirm(problem, ConfirmJob(job))
-    if not math.isfinite(confirmed.fit.error):
+    fitter, problem = published(name), _problem(case, seed)
+    job = fitter.job(FitSettings())
+    description, seconds = fit_formula(problem, job)
+    fit = description.fit
+    if not math.isfinite(fit.error):
         raise FittersError(f"{name} is not finite on every lit cell")
-    description = describe(problem, DescriptionJob(job, confirmed.fit))
-    found = description.fit
     return Found(
-        formula_model(published.expression, found, 0, confirmed.seconds),
+        formula_models(fitter.expression, fit, seconds)[0],
         description.warnings,
-        restart_errors(published.expression, problem, job.intervals, job.settings),
-        {name: {symbol: tuple(values.tolist()) for symbol, values in found.columns.items()}},
-        tuple(conditioning(published.expression, problem.fine, job.intervals, found)),
+        restart_errors(fitter.expression, problem, job.intervals, job.settings),
+        {name: {symbol: tuple(values.tolist()) for symbol, values in fit.columns.items()}},
+        tuple(conditioning(fitter.expression, problem.fine, job.intervals, fit)),
     )
 
 
 @lru_cache(maxsize=2)
-def _problem(case: Case, seed: int) -> FitProblem:
-    return fit_problem(
-        [case.measured], case.light, metric="light", sample_cells=SAMPLE, fine_cells=FINE, seed=seed
-    )
+def _problem(case: Case, seed: int) -> Problem:
+    return Problem(
+        [case.measured], case.light, metric="light", cells=SAMPLE, confirm_cells=FINE, seed=seed
+    ).ready()
 
 
 def _simplex(projected: bool, case: Case, seed: int) -> Found:
@@ -126,7 +113,7 @@ def _simplex(projected: bool, case: Case, seed: int) -> Found:
 class _Objective:
     """The error of GGX for one channel on the coarse part of the sample, in logarithms of its parameters."""
 
-    def __init__(self, expression: Expression, problem: FitProblem, channel: int, projected: bool) -> None:
+    def __init__(self, expression: Expression, problem: Problem, channel: int, projected: bool) -> None:
         self.expression, self.projected = expression, projected
         cells = problem.sample.coarse or problem.sample
         self.weights, self.targets = (rows[channel].astype(np.float64) for rows in (cells.weights, cells.targets))
@@ -163,14 +150,14 @@ class _Objective:
 
 
 def _tabulated(name: str, case: Case, seed: int) -> Found:
-    fitted = fit_baseline(name, case.measured)
-    return Found(fitted.model, fitted.warnings)
+    fit = material_fitter(name).of_material(case.measured)
+    return Found(fit.model, fit.warnings)
 
 
 def _power_iterations(case: Case, seed: int) -> Found:
-    fitted = fit_baseline("power-iterations", case.measured)
-    alpha = float(fitted.details["alpha_ggx"])
-    return Found(fitted.model, fitted.warnings, parameters={"ggx": {"p2": (alpha,) * len(CHANNELS)}})
+    fit = material_fitter("power-iterations").of_material(case.measured)
+    alpha = float(fit.details["alpha_ggx"])
+    return Found(fit.model, fit.warnings, parameters={"ggx": {"p2": (alpha,) * len(CHANNELS)}})
 
 
 def _joint_independent_g(case: Case, seed: int) -> Found:

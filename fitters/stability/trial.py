@@ -1,9 +1,9 @@
-"""One method on one case: numbers only, so that outcomes travel, and verdicts are made of them elsewhere."""
+"""Trials: which ones there are, and the outcome of one method on one case, as numbers that processes can send."""
 
 import math
 import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -11,24 +11,24 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from fitters.errors import FittersError
-from fitters.fitting.problem import CHANNELS, lit_source
+from fitters.fitting import Problem, model_errors
+from fitters.grid import CHANNELS
 from fitters.materials import Material, load_material
-from fitters.models.baselines import judge_at
 from fitters.stability.case import Base, Case, metal, undisturbed
 from fitters.stability.hazards import HAZARDS
 from fitters.stability.methods import METHODS, Found
 
 UNDISTURBED = "undisturbed"
-"""In place of a hazard: the base as it is."""
+"""The name of the base as it is, in place of a hazard."""
 EXACT = 0.01
-"""An error that counts as none where others are compared with it."""
+"""Smaller errors count as this one where others are divided by them."""
 JUDGED = ("light", "compressive")
-"""The metrics of which an error counts: one follows the bright parts, the other does not."""
+"""The metrics by which a fit is judged: the first depends mostly on the bright parts, the second does not."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What to run. `level` is a place among the hazard's levels."""
+    """A method, a hazard, an index of the hazard's levels, and a seed."""
 
     method: str
     hazard: str
@@ -38,17 +38,18 @@ class Trial:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a trial.
+    """The outcome of a trial.
 
     errors:     by metric, of the fit against the truth in every lit cell, the root mean square over channels;
                 infinite where there is no fit or it is not finite
-    raised:     what the method raised, or nothing
-    crashed:    whether that was no `FittersError`: a defect
-    spread:     how far apart its restarts ended, relative, the largest of all channels
-    shown:      likewise against the measurement, where it was measured: what a user is told
-    parameters: largest relative error of a known parameter
-    condition:  the largest condition number of its channels; flat: its flat directions, in relative changes
-    warnings:   what it said of itself
+    shown:      errors against the measurement, in the cells that were measured, as a user sees them
+    raised:     the message of an exception, or empty
+    crashed:    whether the exception was not a `FittersError`, which is a defect
+    spread:     relative distance of the ends of its restarts, the largest of all channels
+    parameters: the largest relative error of a known parameter
+    condition:  the largest condition number of its channels
+    flat:       its flat directions, in relative changes of the parameters
+    warnings:   its warnings
     """
 
     trial: Trial
@@ -67,7 +68,7 @@ class Outcome:
 def run_trial(reference: str | None, trial: Trial) -> Outcome:
     """Runs a trial on the material of a reference, or on the built-in GGX metal.
 
-    Whatever a method raises is an outcome; a case that cannot be made raises `FittersError`.
+    An exception of the method is an outcome. Raises `FittersError` where the case cannot be made.
     """
     case = case_of(reference, trial.hazard, trial.level, trial.seed)
     # With more threads BLAS adds up in another order, and outcomes differ in their last bits.
@@ -93,43 +94,43 @@ def case_of(reference: str | None, hazard: str, level: int, seed: int) -> Case:
 
 
 def outcome_of(trial: Trial, case: Case, run: Callable[[Case, int], Found]) -> Outcome:
-    """What comes of running a method on a case."""
+    """The outcome of a method on a case."""
     began = time.perf_counter()
     infinite = dict.fromkeys(JUDGED, math.inf)
     try:
-        found = run(case, trial.seed)
+        fitted = run(case, trial.seed)
         seconds = time.perf_counter() - began
-        errors = errors_against(case.truth, case, found)
-        shown = errors_against(case.measured, case, found)
+        errors = errors_against(case.truth, case, fitted)
+        shown = errors_against(case.measured, case, fitted)
     except FittersError as error:
         return Outcome(trial, infinite, time.perf_counter() - began, raised=str(error))
     except Exception as error:
-        # To find these is what a trial is for.
+        # A trial is there to find these.
         said = f"{type(error).__name__}: {error}"
         return Outcome(trial, infinite, time.perf_counter() - began, raised=said, crashed=True)
-    finite = [one.condition for one in found.conditioning]
+    finite = [one.condition for one in fitted.conditioning]
     return Outcome(
         trial,
         errors,
         seconds,
         shown,
-        spread=spread(found.ends),
-        parameters=parameter_error(case, found),
+        spread=spread(fitted.ends),
+        parameters=parameter_error(case, fitted),
         condition=max(finite) if finite else None,
-        flat=tuple({tuple(sorted(flat)): flat for one in found.conditioning for flat in one.flat}.values()),
-        warnings=found.warnings,
+        flat=tuple({tuple(sorted(flat)): flat for one in fitted.conditioning for flat in one.flat}.values()),
+        warnings=fitted.warnings,
     )
 
 
 def failed(trial: Trial, reason: str) -> Outcome:
-    """Of a trial that took its process with it, or never ended."""
+    """The outcome of a trial whose process ended, or which did not end in time."""
     return Outcome(trial, dict.fromkeys(JUDGED, math.inf), 0.0, raised=reason, crashed=True)
 
 
-def errors_against(material: Material, case: Case, found: Found) -> dict[str, float]:
+def errors_against(material: Material, case: Case, fitted: Found) -> dict[str, float]:
     """The errors by metric against a material in every lit cell that is valid there."""
     with np.errstate(all="ignore"):
-        by_metric = judge_at(lit_source([material], case.light), 0, found.model)
+        by_metric = model_errors(Problem([material], case.light), 0, fitted.model)
     return {name: _finite(math.sqrt(float(np.mean(np.square(by_metric[name]))))) for name in JUDGED}
 
 
@@ -140,7 +141,7 @@ def _finite(value: float) -> float:
 def spread(ends: np.ndarray | None) -> float | None:
     """(worst - best) / best of final errors (restarts, channels), the largest of the channels.
 
-    Where the best is below `EXACT`, relative to that. None without restarts.
+    Best errors below `EXACT` count as `EXACT`. None without restarts.
     """
     if ends is None or len(ends) < 2:
         return None
@@ -149,18 +150,58 @@ def spread(ends: np.ndarray | None) -> float | None:
     return float(np.max(np.nan_to_num(apart, nan=0.0, posinf=1e9)))
 
 
-def parameter_error(case: Case, found: Found) -> float | None:
-    """The largest relative error of a parameter that is known, over the channels; None where none is."""
+def parameter_error(case: Case, fitted: Found) -> float | None:
+    """The largest relative error of a known parameter over the channels; None where no parameter is known."""
     worst = [
         abs(value / truth - 1)
         for formula, parameters in case.known.items()
         for name, truth in parameters.items()
-        for value in (found.parameters or {}).get(formula, {}).get(name, ())
+        for value in (fitted.parameters or {}).get(formula, {}).get(name, ())
     ]
     return max(worst, default=None)
 
 
 def same_warning(sentence: str) -> str:
-    """A warning without its numbers, channels and materials: what kind of warning it is."""
+    """A warning without its numbers, channels and materials, to compare kinds of warnings."""
     words = re.sub(r"[\d.,%+e-]+", "#", sentence.split(": ", 1)[-1])
     return re.sub("|".join(CHANNELS), "", words)
+
+
+def trials_of(methods: Sequence[str], hazards: Sequence[str], seeds: int, any_material: bool) -> list[Trial]:
+    """All trials, case by case, so that a case is made once; the undisturbed material first.
+
+    Seeds that change neither the case nor the method's result are left out. With `any_material`, hazards that need
+    a formula of their own are left out.
+    """
+    cases = [(UNDISTURBED, 0, False)]
+    for name in hazards:
+        hazard = HAZARDS[name]
+        if hazard.any_base or not any_material:
+            cases += [(name, level, hazard.random) for level in range(len(hazard.levels))]
+    return [
+        Trial(method, name, level, seed)
+        for name, level, random in cases
+        for seed in range(seeds)
+        for method in methods
+        if seed == 0 or random or METHODS[method].seeded
+    ]
+
+
+def skipped(methods: Sequence[str], hazards: Sequence[str], seeds: int, any_material: bool) -> list[str]:
+    """The trials that `trials_of` leaves out, in sentences."""
+    sentences = []
+    if missing := [name for name in METHODS if name not in methods]:
+        sentences.append(f"methods not asked for: {', '.join(missing)}")
+    if missing := [name for name in HAZARDS if name not in hazards]:
+        sentences.append(f"hazards not asked for: {', '.join(missing)}")
+    if any_material and (own := [name for name in hazards if not HAZARDS[name].any_base]):
+        sentences.append(f"hazards that are formulas of their own, of which a material has none: {', '.join(own)}")
+    fixed = [name for name in methods if not METHODS[name].seeded]
+    if seeds > 1 and fixed:
+        sentences.append(f"further seeds of {', '.join(fixed)} where the hazard does not depend on the seed")
+    return sentences
+
+
+def level_names() -> dict[tuple[str, int], str]:
+    """The name of every level of every hazard."""
+    return {(hazard.name, i): level for hazard in HAZARDS.values() for i, level in enumerate(hazard.levels)}

@@ -1,4 +1,4 @@
-"""From outcomes to verdicts: which cells of methods by hazards fail, how, and whether one notices."""
+"""From outcomes to verdicts: which cells of methods by hazards fail, how, and whether a user can notice it."""
 
 import math
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from fitters.stability.trial import EXACT, JUDGED, UNDISTURBED, Outcome, Trial, same_warning
 
 TIMES = 3.0
-"""A fit fails whose error against the truth is more than so many times that of the same method on the
-undisturbed material, ..."""
+"""A fit fails if its error against the truth is more than `TIMES` times the error of the same method on the
+undisturbed material, and above `LEAST`."""
 LEAST = 0.05
-"""... and more than this: below, nobody sees it."""
+"""A smaller error is not visible."""
 PARAMETER = 0.25
-"""A fit fails that gets a known parameter wrong by more than this, relative."""
+"""A fit fails if the relative error of a known parameter is larger."""
 SPREAD = 0.25
-"""A fit fails whose restarts end further apart than this, relative."""
+"""A fit fails if the relative distance of the ends of its restarts is larger."""
 
 HOW = {
     "crashed": "it crashes",
@@ -28,10 +28,12 @@ HOW = {
 
 @dataclass(frozen=True)
 class Verdict:
-    """Of one outcome: `how`, keys of `HOW`, is empty where it stands; `noticed` says by what, or is empty.
+    """The verdict on one outcome.
 
-    Noticed is what is raised, a warning of a kind that the undisturbed material has not, and an error against the
-    measurement itself, which every report states, that is as far off.
+    how:     keys of `HOW`; empty for a fit that does not fail
+    ratio:   its error, relative to that on the undisturbed material, the larger one of `JUDGED`
+    noticed: what a user can notice, in sentences: an exception, a warning of a kind that the undisturbed material
+             does not have, and too large an error against the measurement itself, which every report states
     """
 
     outcome: Outcome
@@ -44,9 +46,13 @@ class Verdict:
 class Cell:
     """A method on a hazard at a level, over seeds.
 
-    rate: share of trials that fail; error: the largest, by metric; ratio: the largest to the undisturbed fit
-    seeds: (largest - smallest) / smallest of the light error over seeds; None with one
-    spread: over restarts, the largest; line: a sentence, empty where nothing fails
+    rate:       share of trials that fail
+    errors:     by metric, the largest
+    ratio:      the largest of the verdicts
+    seeds:      (largest - smallest) / smallest light error over seeds; None with one seed
+    parameters, spread, condition: the largest of the outcomes
+    silent:     whether some trial fails and a user cannot notice it
+    line:       a sentence; empty where no trial fails
     """
 
     method: str
@@ -86,7 +92,7 @@ def cells_of(outcomes: Sequence[Outcome], levels: dict[tuple[str, int], str]) ->
 
 
 def judged(outcome: Outcome, healthy: Outcome) -> Verdict:
-    """The verdict on an outcome, given that of the same method on the undisturbed material."""
+    """The verdict on an outcome; `healthy` is that of the same method on the undisturbed material."""
     before = {same_warning(sentence) for sentence in healthy.warnings}
     if outcome.trial.hazard == UNDISTURBED:
         before = set()
@@ -97,28 +103,27 @@ def judged(outcome: Outcome, healthy: Outcome) -> Verdict:
         if name in outcome.shown and too_large(outcome.shown[name], healthy.shown[name])
     ]
     ratio = max(outcome.errors[name] / max(healthy.errors[name], EXACT) for name in JUDGED)
-    said = (outcome.raised,) if outcome.raised else tuple(noticed)
-    return Verdict(outcome, _how(outcome, healthy), ratio, said)
+    return Verdict(outcome, _how(outcome, healthy), ratio, (outcome.raised,) if outcome.raised else tuple(noticed))
 
 
 def too_large(error: float, healthy: float) -> bool:
-    """Whether an error is one of a failure, given that on the undisturbed material."""
+    """Whether an error makes a fit fail; `healthy` is the error on the undisturbed material."""
     return error > max(TIMES * healthy, LEAST)
 
 
 def _how(outcome: Outcome, healthy: Outcome) -> tuple[str, ...]:
     if outcome.raised:
         return ("crashed" if outcome.crashed else "raised",)
-    found = []
+    reasons = []
     if any(math.isinf(error) for error in outcome.errors.values()):
-        found.append("not finite")
+        reasons.append("not finite")
     elif any(too_large(outcome.errors[name], healthy.errors[name]) for name in JUDGED):
-        found.append("error")
+        reasons.append("error")
     if outcome.parameters is not None and outcome.parameters > PARAMETER:
-        found.append("parameter")
+        reasons.append("parameter")
     if outcome.spread is not None and outcome.spread > SPREAD:
-        found.append("spread")
-    return tuple(found)
+        reasons.append("spread")
+    return tuple(reasons)
 
 
 def _cell(verdicts: Sequence[Verdict], level: str) -> Cell:
@@ -154,7 +159,7 @@ def _cell(verdicts: Sequence[Verdict], level: str) -> Cell:
 
 
 def _with_line(cell: Cell, trial: Trial) -> Cell:
-    """The cell with its plain-language line: what fails, how, and how it is noticed."""
+    """The cell with its sentence: what fails, how, and how a user notices it."""
     where = trial.hazard if trial.hazard == UNDISTURBED else f"{trial.hazard} ({cell.level})"
     often = "" if cell.rate == 1 else f" in {cell.rate:.0%} of {cell.trials} trials"
     said = f'; it says: "{_first(cell.noticed)}"' if cell.noticed else ""

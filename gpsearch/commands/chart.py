@@ -6,8 +6,7 @@ from typing import Any
 import click
 from rich.console import Console
 
-from fitters.fitting.problem import CHANNELS
-from fitters.grid import CELLS
+from fitters.grid import CELLS, CHANNELS
 from gpsearch.commands.described import described
 from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, make_folder, print_json, run_argument

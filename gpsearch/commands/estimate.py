@@ -5,7 +5,7 @@ import time
 
 import click
 
-from fitters.fitting import Candidate, build_problem
+from fitters.fitting import Candidate
 from fitters.fitting.reduction import reduction
 from fitters.materials import load_material
 from fitters.scenes import LightTable, light_table
@@ -21,7 +21,7 @@ PROBES = 24
 def estimate(configuration: Configuration, planned: Plan) -> None:
     """Loads everything, fits a few founders, and prints the plan with the time it would take."""
     table = light_table(configuration.scene.recipe, base=configuration.folder)
-    problem = build_problem(problem_recipe(configuration))
+    problem = problem_recipe(configuration).build()
     for reference in configuration.test_materials:
         load_material(reference, base=configuration.folder)
     founders = advance(Island(0), planned.breeding, planned.seed)[:PROBES]
@@ -46,7 +46,7 @@ def estimate(configuration: Configuration, planned: Plan) -> None:
     bank = len(planned.breeding.mutation.codebank)
     click.echo(
         f"{configuration.name}: the configuration is valid\n"
-        f"  materials   {', '.join(problem.materials)} ({len(problem.targets)} targets)\n"
+        f"  materials   {', '.join(problem.names)} ({len(problem.targets)} targets)\n"
         + (f"  tested on   {', '.join(tests)}\n" if tests else "")
         + f"  scene       {configuration.scene.geometry}, {configuration.scene.light}: {cells.lit:,} lit of"
         f" {cells.measured:,} measured cells, 99 % of what is seen in {cells.carrying[0.99]:,};"

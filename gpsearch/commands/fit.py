@@ -2,24 +2,27 @@
 
 import os
 from pathlib import Path
-from typing import get_args
+from typing import Any
 
 import click
 from click.core import ParameterSource
 
-from fitters.fitting import RESIDUALS
+from fitters.expressions import to_text
+from fitters.fitting import RESIDUALS, Problem
+from fitters.grid import CHANNELS
 from fitters.materials import is_anisotropic
-from fitters.models.baselines import FACTORS, TABULATED
-from fitters.models.factors.fitting import Solver
-from fitters.models.saving import save as save_model
-from gpsearch.commands.fit_baseline import fit_anisotropic, fit_tabulated
-from gpsearch.commands.fit_formula import fit_formula
-from gpsearch.commands.fit_outcome import Outcome, Request
+from fitters.models import MODELS, Fitted, fitter_of
+from fitters.models.formula import PUBLISHED
+from fitters.scenes import Scene
 from gpsearch.commands.runs import json_option, print_json
+
+TABLES = [name for name, fitter in MODELS.items() if fitter.family is not PUBLISHED]
+SOLVED = [name for name, fitter in MODELS.items() if fitter.solvers]
+SOLVERS = list(dict.fromkeys(solver for fitter in MODELS.values() for solver in fitter.solvers))
 
 HELP = f"""Fits MODEL to MATERIALs and says how well it explains them under a light.
 
-MODEL is a published formula, an expression over p0.., or one of {", ".join(TABULATED)}. Formulas are fitted to
+MODEL is a published formula, an expression over p0.., or one of {", ".join(TABLES)}. Formulas are fitted to
 all materials together, the others to each alone. power-iterations-anisotropic also takes UTIA .bin files.
 
 \b
@@ -44,7 +47,7 @@ Arrays of a saved file, red green blue last, f in sr^-1:
 @click.option("--metric", type=click.Choice(list(RESIDUALS)), default="light", show_default=True)
 @click.option(
     "--solver",
-    type=click.Choice(get_args(Solver)),
+    type=click.Choice(SOLVERS),
     help="For npf-*: all factors jointly (the default), or the paper's AWLS.",
 )
 @click.option("--save", type=click.Path(path_type=Path), help="A .npz file for the arrays fitted to one material.")
@@ -56,34 +59,62 @@ def fit(
     materials: tuple[str, ...],
     light: str,
     metric: str,
-    solver: Solver | None,
+    solver: str | None,
     save: Path | None,
     as_json: bool,
 ) -> None:
-    if solver is not None and model not in FACTORS:
-        raise click.UsageError(f"--solver: {model} has none to choose; {', '.join(FACTORS)} have.")
+    fitter = fitter_of(model)
+    if solver is not None and not fitter.solvers:
+        raise click.UsageError(f"--solver: {model} has none to choose; {', '.join(SOLVED)} have.")
     if save is not None:
         _check_target(save, materials)
     anisotropic = any(map(is_anisotropic, materials))
     if anisotropic:
         _refuse_given(context, ("light", "metric"))
-    outcome = _fit(Request(model, materials, light, metric), solver, anisotropic)
+    problem = Problem(materials, Scene(light=light), metric=metric)
+    fitted = fitter.fit(problem, **({"solver": solver} if solver else {}))
     if save is not None:
-        save_model(outcome.models[0], save)
+        fitted.save(save)
     if as_json:
-        print_json(outcome.report)
+        print_json(_report(fitted, {} if anisotropic else {"scene": light}))
         return
-    click.echo(outcome.text)
-    for warning in outcome.report["warnings"]:
+    click.echo(_text(fitted))
+    for warning in fitted.warnings:
         click.echo(f"warning: {warning}", err=True)
 
 
-def _fit(request: Request, solver: Solver | None, anisotropic: bool) -> Outcome:
-    if anisotropic:
-        return fit_anisotropic(request)
-    if request.model in TABULATED:
-        return fit_tabulated(request, solver)
-    return fit_formula(request)
+def _report(fitted: Fitted, scene: dict[str, str]) -> dict[str, Any]:
+    expression = fitted[fitted.materials[0]].expression
+    details = {name: dict(fit.details) for name, fit in fitted.fits.items() if fit.details}
+    return {
+        "model": fitted.name,
+        **({"expression": to_text(expression)} if expression else {}),
+        "materials": list(fitted.materials),
+        **({"material": fitted.materials[0]} if len(fitted.materials) == 1 else {}),
+        **scene,
+        "metric": fitted.metric,
+        "fit_seconds": round(fitted.fit_seconds, 3),
+        "floats": fitted.floats,
+        "warnings": list(fitted.warnings),
+        "error": fitted.error,
+        "errors": fitted.errors,
+        **({"parameters": fitted.parameters} if expression else {}),
+        "metrics": fitted.metrics,
+        **({"fits": details} if len(details) > 1 else next(iter(details.values()), {})),
+    }
+
+
+def _text(fitted: Fitted) -> str:
+    expression = fitted[fitted.materials[0]].expression
+    size = f"{fitted.fit_seconds:.2f} s, {fitted.floats:,} floats"
+    lines = [f"{fitted.name}: {fitted.metric} error {fitted.error:.4f}, {size}"]
+    if expression:
+        lines.append(f"  {to_text(expression)}")
+    for name, fit in fitted.fits.items():
+        rows = zip(CHANNELS, fitted.errors[name], fit.remarks, strict=True)
+        channels = [f"  {channel:5s}  error {error:.4f}  {remark}".rstrip() for channel, error, remark in rows]
+        lines += [name, *channels, *(f"  {note}" for note in fit.notes)]
+    return "\n".join(lines)
 
 
 def _check_target(path: Path, materials: tuple[str, ...]) -> None:

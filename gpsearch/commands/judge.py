@@ -9,16 +9,11 @@ import click
 from rich.console import Console
 
 from fitters.expressions import to_text
-from fitters.expressions.catalogue import CATALOGUE
+from fitters.fitting import Problem
 from fitters.judging.metrics import CARD_METRICS
 from fitters.materials import Material, load_material
-from fitters.models import FormulaModel
-from fitters.models.baselines import KINDS, TABULATED
-from fitters.models.saving import load as load_model
+from fitters.models import MODELS, fitter_of, load
 from gpsearch.commands.described import described
-from gpsearch.commands.fit_baseline import fit_tabulated
-from gpsearch.commands.fit_formula import fit_formula
-from gpsearch.commands.fit_outcome import Request
 from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, make_folder, print_json
 from gpsearch.errors import GpsearchError
@@ -118,27 +113,24 @@ def _of_model(subject: str, references: tuple[str, ...], scene: str) -> _Asked:
         raise click.UsageError(f"{subject} is no run directory: name the materials to judge it on with --material")
     materials = [load_material(reference, base=Path.cwd()) for reference in references]
     seen = named_scene(scene)
-    return _Asked([_contender(subject, references, materials, seen)], materials, (), seen)
+    return _Asked([_contender(subject, materials, seen)], materials, (), seen)
 
 
-def _contender(
-    subject: str, references: tuple[str, ...], materials: Sequence[Material], seen: NamedScene
-) -> Contender:
+def _contender(subject: str, materials: Sequence[Material], seen: NamedScene) -> Contender:
     """A model that is read from a file, or fitted under the scene's light."""
     if Path(subject).suffix == ".npz":
-        model = load_model(Path(subject), KINDS)
-        models, name, warnings = (model,) * len(materials), Path(subject).stem, ()
+        fitted = load(Path(subject))
+        models, name = (fitted.model,) * len(materials), Path(subject).stem
+        warnings: tuple[str, ...] = ()
     else:
-        request = Request(subject, references, seen.name, "light", seen.anywhere)
-        outcome = fit_tabulated(request, None) if subject in TABULATED else fit_formula(request)
-        models, name, warnings = outcome.models, subject, tuple(outcome.report["warnings"])
+        fitted = fitter_of(subject).fit(Problem(materials, seen.anywhere))
+        models, name, warnings = tuple(fitted[one] for one in fitted.materials), subject, fitted.warnings
     first = models[0]
-    formula = first if isinstance(first, FormulaModel) else None
     return Contender(
-        name=name if name in (*CATALOGUE, *TABULATED) else "model",
-        kind="formula" if formula else first.kind,
-        expression=to_text(formula.expression) if formula else None,
-        nodes=formula.expression.nodes if formula else None,
+        name=name if name in MODELS else "model",
+        kind="formula" if first.expression else first.kind,
+        expression=to_text(first.expression) if first.expression else None,
+        nodes=first.expression.nodes if first.expression else None,
         floats=first.floats,
         error=None,
         fit_seconds=sum(model.fit_seconds for model in set(models)),

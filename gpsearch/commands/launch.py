@@ -9,9 +9,8 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from fitters.engine.warm import warm_up
 from fitters.materials import load_material
-from fitters.models import baselines
+from fitters.models import warm_up
 from fitters.scenes import light_table
 from gpsearch import __version__
 from gpsearch.commands.estimate import estimate, not_converged
@@ -135,8 +134,7 @@ def _search(planned: Plan, store: Store, configuration: Configuration, console: 
     _read_test_materials(store, configuration, console)
     if not _is_remote(configuration):
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
-            warm_up()
-            baselines.warm_up(name for name in planned.baselines if name not in store.baselines())
+            warm_up(name for name in planned.baselines if name not in store.baselines())
     with (
         open_executor(executor_settings(configuration)) as executor,
         ProgressWatcher(console, planned.budget) as watcher,

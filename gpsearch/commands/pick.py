@@ -7,7 +7,6 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from fitters.fitting import build_problem
 from fitters.scenes import light_table
 from gpsearch.commands.described import described
 from gpsearch.commands.progress import counted
@@ -77,7 +76,7 @@ def pick_command(
 
 def _refitter(configuration: Configuration, scene: NamedScene) -> Refitter:
     recipe, planned = problem_recipe(configuration), plan(configuration)
-    problem = build_problem(replace(recipe, scene=scene.anywhere))
+    problem = replace(recipe, scene=scene.anywhere).build()
     return Refitter(problem, planned.bounds, planned.settings)
 
 

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
 from gpsearch.search.plan import Budget
-from gpsearch.search.search import Standing
+from gpsearch.search.search import SearchStatus
 from workers import Incident
 
 T = TypeVar("T")
@@ -52,26 +52,26 @@ class ProgressWatcher:
     def step(self, count: int) -> None:
         self.live.advance(self.task, count)
 
-    def generation(self, standing: Standing) -> None:
+    def generation(self, status: SearchStatus) -> None:
         now = time.monotonic() - self.began
-        last = standing.generation == self.budget.generations
+        last = status.generation == self.budget.generations
         if self.console.is_terminal or last or now - self.printed >= PLAIN_SECONDS:
             self.printed = now
-            self.console.print(self._line(standing))
+            self.console.print(self._line(status))
 
     def incident(self, incident: Incident) -> None:
         """What a person should know while it happens; all of it is in the event log."""
         if incident.kind in ("workers", "scheduler", "refused"):
             self.console.print(f"{incident.kind}: {incident.detail}")
 
-    def _line(self, standing: Standing) -> str:
-        members = standing.front.members
+    def _line(self, status: SearchStatus) -> str:
+        members = status.front.members
         total = f"/{self.budget.generations}" if self.budget.generations is not None else ""
-        rate = standing.candidates / max(standing.seconds, 1e-9)
+        rate = status.candidates / max(status.seconds, 1e-9)
         best = f"{members[-1].error:.4f} at {members[-1].nodes} nodes" if members else "none yet"
-        left = seconds_left(self.budget, standing.generation, standing.candidates, standing.seconds)
+        left = seconds_left(self.budget, status.generation, status.candidates, status.seconds)
         return (
-            f"generation {standing.generation}{total}  {rate:.0f} candidates/s  best {best}"
+            f"generation {status.generation}{total}  {rate:.0f} candidates/s  best {best}"
             f"  front {len(members)}" + (f"  {duration(left)} left" if left is not None else "")
         )
 

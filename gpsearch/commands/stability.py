@@ -12,8 +12,7 @@ import click
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from fitters.engine.warm import warm_up
-from fitters.models import baselines
+from fitters.models import MODELS, warm_up
 from fitters.stability import (
     HAZARDS,
     METHODS,
@@ -141,8 +140,7 @@ def _run(trials: Sequence[Trial], material: str | None, console: Console) -> lis
     results: dict[int, Any] = {}
     if not here:
         # Processes that begin to fit at once would all compile the same.
-        warm_up()
-        baselines.warm_up({trial.method for trial in trials} & set(baselines.TABULATED))
+        warm_up({trial.method for trial in trials} & set(MODELS))
     with (
         _progress(console) as progress,
         open_executor(LocalSettings() if here else DaskSettings(workers=cores)) as executor,

@@ -11,9 +11,8 @@ from typing import Annotated, Any
 import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
-from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import RESIDUALS
-from fitters.models.baselines import TABULATED
+from fitters.models import BASELINES
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.formulas import check_no_baseline_twice
 from gpsearch.configuration.materials import check_material, check_no_material_twice, material_name
@@ -28,7 +27,6 @@ from gpsearch.configuration.sections import (
 )
 from gpsearch.configuration.wording import listed, shown
 
-BASELINES = (*CATALOGUE, *TABULATED)
 DEFAULT_BASELINES = (
     "cook-torrance",
     "ggx",

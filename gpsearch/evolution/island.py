@@ -1,29 +1,50 @@
-"""Islands: sub-populations that breed among themselves, after section 3.2 of the genBRDF paper.
+"""Islands: populations that breed separately, after section 3.2 of the genBRDF paper.
 
-All functions here are pure: no clock, no global randomness, no input or output.
+All functions here are pure: no clock, no global random numbers, no input or output.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 
 import numpy as np
 
-from fitters.expressions import to_text
+from fitters.expressions import parse, to_text
 from fitters.expressions.canonical import Canonical, canonical
-from gpsearch.evolution.seeds import Role, generator
 from gpsearch.genomes import Genome, Mutation, crossover, random_edit
 from gpsearch.genomes.edits import Draft
 from gpsearch.genomes.genome import draft
 
 
+class Role(IntEnum):
+    """The use of random numbers. A value never changes and is never reused: it decides what a seed gives."""
+
+    FOUNDERS = 0
+    CHILDREN = 1
+    CELLS = 2
+
+
+def generator(run_seed: int, island: int, generation: int, role: Role) -> np.random.Generator:
+    """The random numbers of one role in one generation of one island.
+
+    Seeds are derived, not drawn: the same arguments give the same numbers anywhere.
+    """
+    return np.random.Generator(np.random.PCG64(np.random.SeedSequence((run_seed, island, generation, int(role)))))
+
+
+def cells_seed(run_seed: int) -> int:
+    """The seed of the sample of cells, one for a whole run."""
+    return int(generator(run_seed, 0, 0, Role.CELLS).integers(2**31))
+
+
 @dataclass(frozen=True)
 class Breeding:
-    """The numbers of the search.
+    """The settings of breeding.
 
     starts:     starting expressions in text form
     size:       individuals per island, even
-    tournament: of so many random individuals the best becomes a parent
+    tournament: number of random individuals of which the best becomes a parent
     """
 
     starts: tuple[str, ...]
@@ -34,9 +55,11 @@ class Breeding:
 
 @dataclass(frozen=True, slots=True)
 class Offspring:
-    """A genome that has not been fitted yet, its expression in text form, and that of the genome it came from.
+    """A genome that is not fitted yet.
 
-    canonical is the canonical form of the expression, by which fits are remembered.
+    expression: in text form
+    parent:     expression of the genome that it was made from
+    canonical:  canonical form of `expression`; candidates of the same form share a fit
     """
 
     genome: Genome
@@ -45,10 +68,16 @@ class Offspring:
     parent: str
     canonical: Canonical
 
+    @classmethod
+    def of_start(cls, start: str) -> "Offspring":
+        """A starting expression as it is, without edits."""
+        expression = parse(start)
+        return cls(Genome(start), start, expression.nodes, start, canonical(expression))
+
 
 @dataclass(frozen=True, slots=True)
 class Individual:
-    """A genome with the error of its expression, infinite where no fit is finite."""
+    """A genome with the error of its expression, infinite where that has no finite fit."""
 
     genome: Genome
     expression: str
@@ -57,50 +86,50 @@ class Individual:
 
     @property
     def rank(self) -> tuple[float, int, str]:
-        """What is better sorts first: smaller error, then size; the text only makes the order total."""
+        """Better individuals sort first: by error, then size, then text, so that the order is unique."""
         return (self.error, self.nodes, self.expression)
 
 
 @dataclass(frozen=True)
 class Island:
-    """A population and how many generations it has lived; generation 0 has no population yet."""
+    """A population and the number of its generation; generation 0 has no population."""
 
     number: int
     generation: int = 0
     population: tuple[Individual, ...] = ()
 
     def quantile(self, share: float) -> float:
-        """The error that this share of a population, not empty, does not exceed."""
+        """The error that this share of the population does not exceed. The population must not be empty."""
         return self._errors[int(share * (len(self._errors) - 1))]
 
     @cached_property
     def _errors(self) -> tuple[float, ...]:
-        """By rising error; asked for once per candidate."""
+        """Sorted once, because `quantile` is called for every candidate."""
         return tuple(sorted(individual.error for individual in self.population))
 
 
 def advance(island: Island, breeding: Breeding, run_seed: int) -> tuple[Offspring, ...]:
-    """The next generation, not fitted: founders with one random edit each, or the children of this one.
+    """The offspring that become the next generation once they are fitted: founders, or children of the population.
 
-    Half as many parents as there are individuals are chosen by tournament and paired at random; one-point
-    crossover makes as many offspring; then parents and offspring each get one more random edit.
+    Tournaments choose half as many parents as there are individuals, which are paired at random. One-point
+    crossover makes as many children. Then parents and children each get one more random edit.
     """
     if not island.population:
-        return _founders(island, breeding, generator(run_seed, island.number, 0, Role.FOUND))
-    rng = generator(run_seed, island.number, island.generation, Role.ADVANCE)
+        return _founders(island, breeding, generator(run_seed, island.number, 0, Role.FOUNDERS))
+    rng = generator(run_seed, island.number, island.generation, Role.CHILDREN)
     parents = [_tournament(island.population, breeding.tournament, rng) for _ in range(breeding.size // 2)]
     paired = [parents[i] for i in rng.permutation(len(parents))]
     children: list[Genome] = []
     for first, second in zip(paired[::2], [*paired[1::2], paired[0]], strict=False):
         cut = int(rng.integers(1, len(first.genome.edits))) if len(first.genome.edits) > 1 else 0
         children += crossover(first.genome, second.genome, cut)
-    # The first of a pair of children begins as the first parent does, the second as the second.
+    # The first edits of a pair's first child are from the first parent, those of the second from the second.
     bred = [(parent.genome, parent) for parent in parents] + list(zip(children, paired, strict=False))
-    return tuple(_mutated(genome, parent, breeding, rng) for genome, parent in bred)
+    return tuple(_child(genome, parent, breeding, rng) for genome, parent in bred)
 
 
 def survive(island: Island, offspring: Sequence[Offspring], errors: Mapping[str, float]) -> Island:
-    """The island whose population is the offspring, with the errors (by expression) that fits have found."""
+    """The island whose population is the offspring, with the errors of their fits by expression."""
     population = tuple(
         Individual(child.genome, child.expression, child.nodes, errors[child.expression]) for child in offspring
     )
@@ -120,9 +149,9 @@ def migrate(islands: Sequence[Island], migrants: int) -> tuple[Island, ...]:
 
 
 def _founders(island: Island, breeding: Breeding, rng: np.random.Generator) -> tuple[Offspring, ...]:
-    """Genomes of one edit; the starts take turns."""
+    """Genomes of one random edit, each starting expression equally often."""
     starts = [breeding.starts[i % len(breeding.starts)] for i in range(breeding.size)]
-    return tuple(_edited(Genome(start), draft(Genome(start)), start, breeding, rng) for start in starts)
+    return tuple(_offspring(Genome(start), draft(Genome(start)), start, breeding, rng) for start in starts)
 
 
 def _tournament(population: Sequence[Individual], count: int, rng: np.random.Generator) -> Individual:
@@ -130,17 +159,19 @@ def _tournament(population: Sequence[Individual], count: int, rng: np.random.Gen
     return min((population[i] for i in drawn), key=lambda individual: individual.rank)
 
 
-def _mutated(genome: Genome, parent: Individual, breeding: Breeding, rng: np.random.Generator) -> Offspring:
-    """The genome with one more edit, or the parent's, where crossover made it larger or deeper than is allowed."""
-    grown = draft(genome)
-    if not grown.fits(breeding.mutation.max_nodes):
-        genome, grown = parent.genome, draft(parent.genome)
-    return _edited(genome, grown, parent.expression, breeding, rng)
+def _child(genome: Genome, parent: Individual, breeding: Breeding, rng: np.random.Generator) -> Offspring:
+    """The genome with one more random edit; of the parent's genome where crossover has exceeded the limits."""
+    current = draft(genome)
+    if not current.within_limits(breeding.mutation.max_nodes):
+        genome, current = parent.genome, draft(parent.genome)
+    return _offspring(genome, current, parent.expression, breeding, rng)
 
 
-def _edited(genome: Genome, grown: Draft, parent: str, breeding: Breeding, rng: np.random.Generator) -> Offspring:
-    """The genome with one more random edit. A root that became a vector or grew too large cannot come of it."""
-    edit = random_edit(grown, breeding.mutation, rng)
-    grown.apply(edit)
-    expression = grown.expression()
+def _offspring(
+    genome: Genome, current: Draft, parent: str, breeding: Breeding, rng: np.random.Generator
+) -> Offspring:
+    """The genome with one more random edit, which keeps the expression within its limits."""
+    edit = random_edit(current, breeding.mutation, rng)
+    current.apply(edit)
+    expression = current.expression()
     return Offspring(genome.with_edit(edit), to_text(expression), expression.nodes, parent, canonical(expression))

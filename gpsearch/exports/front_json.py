@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from fitters import expressions
 from fitters.expressions.catalogue import formula as published_formula
 from fitters.fitting import Description
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 from gpsearch import __version__
 from gpsearch.configuration import Configuration
 from gpsearch.exports.numbers import finite, finite_or_none

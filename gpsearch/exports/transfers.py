@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fitters.fitting import RESIDUALS
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 from gpsearch.exports.numbers import finite, finite_or_none
 from gpsearch.run import Transfer, combined
 

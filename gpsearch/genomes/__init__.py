@@ -1,9 +1,8 @@
 """Genomes: ordered edits that turn a starting expression into a new one, and the codebank they insert from."""
 
-from gpsearch.genomes.codebank import codebank
 from gpsearch.genomes.edits import Delete, Edit, Insert, Replace, Swap
 from gpsearch.genomes.genome import Genome, crossover, reify
-from gpsearch.genomes.mutation import Mutation, random_edit
+from gpsearch.genomes.mutation import Mutation, codebank, random_edit
 
 __all__ = [
     "Delete",

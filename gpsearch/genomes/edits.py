@@ -1,11 +1,11 @@
 """The four edits of the genBRDF paper, section 3.3, and what they do to an expression.
 
-Addresses. An edit must keep its meaning after crossover has moved it behind other edits. An index or a path would
-not: an earlier edit shifts it onto some other node. So every node has a label for life. The nodes of a starting
-expression are labelled by their place in it, and nodes that an edit brings by the edit's own label and their place
-in what it brings: `3f2a90c1d4e5.7`. A label names the same node wherever swaps have carried it, and whatever has
-become of the nodes around it. An edit whose label no longer (or not yet) exists does nothing; it stays in the
-genome and acts again where crossover brings the missing node back.
+Addresses. An edit must keep its meaning after crossover has put it behind other edits. An index or a path cannot
+do that: after an earlier edit it would lead to another node. So every node has a permanent label. A node of the
+starting expression has the expression's label and its index in preorder; a node that an edit adds has the edit's
+label and its index in the added subexpression: `3f2a90c1d4e5.7`. A label names the same node after swaps have
+moved it and edits have changed the nodes around it. An edit whose node does not exist has no effect; it stays in
+the genome, and has an effect again after crossover has restored the node.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +17,7 @@ from fitters.expressions.expression import MAX_DEPTH
 
 @dataclass(frozen=True, slots=True)
 class Swap:
-    """Two nodes change places, neither inside the other."""
+    """Two nodes change places. Neither may be inside the other."""
 
     first: str
     second: str
@@ -25,7 +25,7 @@ class Swap:
 
 @dataclass(frozen=True, slots=True)
 class Insert:
-    """A subexpression of the codebank, in text form, takes the place of the node `at`. `label` names its nodes."""
+    """A subexpression of the codebank, in text form, replaces the node `at`. `label` is the label of its nodes."""
 
     at: str
     subexpression: str
@@ -34,7 +34,7 @@ class Insert:
 
 @dataclass(frozen=True, slots=True)
 class Replace:
-    """The node `at` gets another symbol of its own sort and keeps its children and its label."""
+    """The node `at` gets another symbol of the same kind, and keeps its children and its label."""
 
     at: str
     symbol: str
@@ -42,27 +42,27 @@ class Replace:
 
 @dataclass(frozen=True, slots=True)
 class Delete:
-    """The constant 1 takes the place of the node `at`. `label` names it."""
+    """The constant 1 replaces the node `at`. `label` is the label of the constant."""
 
     at: str
     label: str
 
 
 parsed = lru_cache(maxsize=4096)(parse)
-"""`parse`, for the few texts that come again and again: starts and the codebank."""
+"""`parse` with a cache, for starting expressions and the codebank."""
 
 Edit = Swap | Insert | Replace | Delete
 
 
-def sort(symbol: str) -> str:
-    """What may replace what: `unary`, `binary`, `dot`, `vector`, or `scalar` for the leaves that are numbers."""
+def replacement_kind(symbol: str) -> str:
+    """What may replace each other: `unary`, `binary`, `dot`, `vector`, or `scalar` for leaves with a value."""
     kind = grammar.kind(symbol)
     return "scalar" if kind in ("parameter", "constant", "component") else kind
 
 
 @dataclass
 class Draft:
-    """An expression under edit: nodes by label. The one mutable thing here; it does not leave `reify`."""
+    """An expression while it is edited, as nodes by label; mutable."""
 
     root: str = ""
     symbols: dict[str, str] = field(default_factory=dict)
@@ -76,12 +76,12 @@ class Draft:
         return draft
 
     def expression(self, label: str | None = None) -> Expression:
-        """The expression under a label, the whole by default."""
+        """The expression below a label, by default the whole."""
         label = self.root if label is None else label
         return Expression(self.symbols[label], tuple(self.expression(child) for child in self.children[label]))
 
     def apply(self, edit: Edit) -> bool:
-        """Applies an edit where it can be; whether it did anything."""
+        """Applies an edit. Returns False where it has no effect."""
         match edit:
             case Swap(first, second):
                 return self._swap(first, second)
@@ -90,17 +90,17 @@ class Draft:
             case Delete(at, label):
                 return self._put(at, Expression("1"), label)
             case Replace(at, symbol):
-                if at not in self.symbols or sort(self.symbols[at]) != sort(symbol):
+                if at not in self.symbols or replacement_kind(self.symbols[at]) != replacement_kind(symbol):
                     return False
                 self.symbols[at] = symbol
                 return True
 
     def is_number(self, label: str) -> bool:
-        """Whether the label exists and its node has a value, as a vector has not."""
+        """Whether the label exists and its node is no vector."""
         return label in self.symbols and self.symbols[label] not in grammar.VECTORS
 
     def inside(self, label: str, ancestor: str) -> bool:
-        """Whether a node lies in the subtree of another, or is it."""
+        """Whether a node is `ancestor` or lies below it."""
         at: str | None = label
         while at is not None:
             if at == ancestor:
@@ -109,14 +109,14 @@ class Draft:
         return False
 
     def level(self, label: str) -> int:
-        """How many nodes lie above the one of this label."""
+        """The number of nodes above a node."""
         count, at = 0, self.parents[label]
         while at is not None:
             count, at = count + 1, self.parents[at]
         return count
 
-    def fits(self, max_nodes: int) -> bool:
-        """Whether this is an expression of the language of at most so many nodes."""
+    def within_limits(self, max_nodes: int) -> bool:
+        """Whether it has at most `max_nodes` nodes and `MAX_DEPTH` levels."""
         if len(self.symbols) > max_nodes:
             return False
         depth, layer = 0, [self.root]
@@ -125,7 +125,7 @@ class Draft:
         return depth <= MAX_DEPTH
 
     def _grow(self, expression: Expression, label: str, parent: str | None) -> str:
-        """Adds the nodes of an expression, labelled in preorder; returns the label of its root."""
+        """Adds the nodes of an expression with labels in preorder. Returns the label of its root."""
         count = 0
 
         def add(node: Expression, parent: str | None) -> str:
@@ -144,7 +144,7 @@ class Draft:
             return False
         if self.inside(first, second) or self.inside(second, first):
             return False
-        # Two children of one parent: find both places before writing either.
+        # Both may be children of one parent: find both places before changing either.
         places = [(self.parents[label], self._place(label)) for label in (first, second)]
         for (parent, place), label in zip(places, (second, first), strict=True):
             self._attach(label, parent, place)

@@ -1,4 +1,4 @@
-"""Genomes: a starting expression and the edits that are applied to it in order."""
+"""Genomes, the expressions that they stand for, and crossover."""
 
 import hashlib
 from dataclasses import asdict, dataclass
@@ -12,7 +12,10 @@ _NAMES: dict[str, type[Edit]] = {"swap": Swap, "insert": Insert, "replace": Repl
 
 @dataclass(frozen=True, slots=True)
 class Genome:
-    """`start` is an expression in text form. Every genome of a generation has the same number of edits."""
+    """A starting expression in text form and the edits that are applied to it, in order.
+
+    All genomes of a generation have the same number of edits.
+    """
 
     start: str
     edits: tuple[Edit, ...] = ()
@@ -21,7 +24,7 @@ class Genome:
         return Genome(self.start, (*self.edits, edit))
 
     def to_json(self) -> list[dict[str, Any]]:
-        """The edits as plain objects, `{"edit": "swap", ...}`; a node's label is its address."""
+        """The edits as plain objects, `{"edit": "swap", ...}`, with nodes by label."""
         return list(map(edit_json, self.edits))
 
     @classmethod
@@ -34,7 +37,7 @@ def edit_json(edit: Edit) -> dict[str, Any]:
 
 
 def draft(genome: Genome) -> Draft:
-    """The genome's expression as a draft, all its edits applied."""
+    """The genome's expression as a draft, with all edits applied."""
     label = hashlib.sha256(genome.start.encode()).hexdigest()[:8]
     result = Draft.of(parsed(genome.start), label)
     for edit in genome.edits:
@@ -48,10 +51,10 @@ def reify(genome: Genome) -> Expression:
 
 
 def crossover(first: Genome, second: Genome, cut: int) -> tuple[Genome, Genome]:
-    """One-point crossover (Holland 1992): the two genomes change what comes after their first `cut` edits.
+    """One-point crossover (Holland 1992): the two genomes exchange the edits after the first `cut`.
 
-    Cutting both at the same place keeps every edit at the position, that is the generation, where it arose, so
-    that no genome ever holds an edit twice.
+    Both are cut at the same position, so that an edit keeps its position, which is the generation that it is from,
+    and no genome has an edit twice.
     """
     return (
         Genome(first.start, first.edits[:cut] + second.edits[cut:]),

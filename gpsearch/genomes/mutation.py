@@ -1,25 +1,45 @@
-"""Random edits: drawn so that they do something to the expression at hand and keep it within its limits."""
+"""Random edits, and the codebank that they insert from (genBRDF paper, section 3.3)."""
 
 from bisect import bisect
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from fitters.expressions import grammar
+from fitters.expressions import Expression, grammar, to_text
 from fitters.expressions.expression import MAX_DEPTH
-from gpsearch.genomes.edits import Delete, Draft, Edit, Insert, Replace, Swap, parsed, sort
+from gpsearch.genomes.edits import Delete, Draft, Edit, Insert, Replace, Swap, parsed, replacement_kind
 
-_TRIES = 50
+TRIES = 50
+
+
+def codebank(formulas: Iterable[Expression], parameters: int) -> tuple[str, ...]:
+    """Every distinct subexpression of the formulas that is no vector, in text form, smallest first.
+
+    Parameter i becomes parameter i modulo `parameters`.
+    """
+    nodes = {
+        wrap_parameters(node, parameters) for formula in formulas for node in formula.walk() if not node.is_vector
+    }
+    return tuple(to_text(node) for node in sorted(nodes, key=lambda node: (node.nodes, to_text(node))))
+
+
+def wrap_parameters(node: Expression, parameters: int) -> Expression:
+    """The expression with parameter i renamed to i modulo `parameters`."""
+    symbol = node.symbol
+    if grammar.is_parameter(symbol):
+        symbol = f"p{int(symbol[1:]) % parameters}"
+    return Expression(symbol, tuple(wrap_parameters(child, parameters) for child in node.children))
 
 
 @dataclass(frozen=True)
 class Mutation:
-    """What random edits may do.
+    """The settings of random edits.
 
     codebank:    subexpressions in text form, not empty
-    max_nodes:   the largest expression
-    parameters:  how many parameters there are
+    max_nodes:   of an expression
+    parameters:  p0 to p{parameters - 1} may occur
     frequencies: relative, of swap, insert, replace and delete
     """
 
@@ -30,13 +50,13 @@ class Mutation:
 
     @cached_property
     def shares(self) -> tuple[float, ...]:
-        """Of the frequencies, added up, the last one 1."""
+        """The frequencies as cumulative shares; the last is 1."""
         shares = np.cumsum(np.array(self.frequencies) / sum(self.frequencies))
         return tuple((shares / shares[-1]).tolist())
 
     @cached_property
     def symbols(self) -> dict[str, tuple[str, ...]]:
-        """The symbols that Replace draws from, by sort."""
+        """The symbols that Replace draws from, by `replacement_kind`."""
         scalars = tuple(f"p{i}" for i in range(self.parameters)) + grammar.CONSTANTS + grammar.COMPONENTS
         return {
             "unary": grammar.UNARY,
@@ -47,13 +67,13 @@ class Mutation:
 
 
 def random_edit(draft: Draft, mutation: Mutation, rng: np.random.Generator) -> Edit:
-    """An edit that changes the draft, of a random kind at random nodes. The draft itself is left as it was.
+    """An edit of a random kind at random nodes that would change the draft and keep it within its limits.
 
-    Where fifty draws find none that fits, a constant takes the root's place: it always does.
+    Does not apply the edit. After `TRIES` draws that are not allowed it deletes the root, which always is.
     """
     label = rng.bytes(6).hex()
     makers = (_swap, _insert, _replace, _delete)
-    for _ in range(_TRIES):
+    for _ in range(TRIES):
         edit = makers[bisect(mutation.shares, rng.random())](draft, mutation, rng, label)
         if edit is not None:
             return edit
@@ -88,7 +108,7 @@ def _insert(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: s
 
 def _replace(draft: Draft, mutation: Mutation, rng: np.random.Generator, label: str) -> Edit | None:
     at = _pick(list(draft.symbols), rng)
-    similar = mutation.symbols.get(sort(draft.symbols[at]), ())
+    similar = mutation.symbols.get(replacement_kind(draft.symbols[at]), ())
     others = [symbol for symbol in similar if symbol != draft.symbols[at]]
     return Replace(at, _pick(others, rng)) if others else None
 

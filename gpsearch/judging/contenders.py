@@ -9,8 +9,7 @@ import numpy as np
 from fitters.errors import FittersError
 from fitters.expressions import parse
 from fitters.materials import Material, load_material
-from fitters.models import FormulaModel, Model
-from fitters.models.baselines import TABULATED, kept_baseline
+from fitters.models import MODELS, FormulaModel, MaterialFitter, Model
 from gpsearch.configuration import Configuration
 
 FOUND = "found"
@@ -101,12 +100,13 @@ def _parameters(entry: Mapping[str, Any], material: str) -> Mapping[str, Any] | 
 
 
 def _baseline(entry: Mapping[str, Any], materials: Sequence[Material]) -> Contender:
-    if entry["name"] not in TABULATED:
+    fitter = MODELS[entry["name"]]
+    if not isinstance(fitter, MaterialFitter):
         return _formula(entry, entry["name"], "formula", materials)
     models: dict[str, Model] = {}
     for material in materials:
         try:
-            models[material.name] = kept_baseline(entry["name"], material).model
+            models[material.name] = fitter.kept(material).model
         except FittersError:
             continue  # its entry's warnings say why
     return Contender(

@@ -7,9 +7,8 @@ import numpy as np
 
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import ConfirmJob, Fit, FitJob, FitProblem, FitSettings, confirm
+from fitters.fitting import ConfirmJob, Fit, FitJob, FitSettings, Problem, confirm, model_errors
 from fitters.fitting.polish import polish
-from fitters.fitting.problem import lit_source, of_material
 from fitters.fitting.sharing import Sharing, share
 from fitters.grid import SHAPE
 from fitters.judging.card import model_values
@@ -17,7 +16,7 @@ from fitters.judging.metrics import IMAGE_METRICS, METRICS, Compared
 from fitters.judging.timing import closure, incoherent, measure
 from fitters.materials import Material
 from fitters.models import FormulaModel, Model
-from fitters.models.baselines import formula_model, judge_at
+from fitters.models.formula import formula_models
 from gpsearch.judging.contenders import Contender
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.tolerance import Tolerance
@@ -69,7 +68,7 @@ class View:
         self._curved_metrics = [name for name in tolerance.metrics if name not in (LIGHT, *IMAGE_METRICS)]
         self._of_name = {material.name: material for material in materials}
         self._light = scene.light()
-        self._sources = {material.name: lit_source([material], self._light) for material in materials}
+        self._sources = {material.name: Problem([material], self._light) for material in materials}
         # The map of an image is large, and nobody's who asks for no image metric.
         self._image = scene.image() if self._image_metrics else None
         self._truths = {m.name: self._image.of_material(m) for m in materials} if self._image else {}
@@ -78,7 +77,7 @@ class View:
         """What each metric of the tolerance says of a model of a material."""
         material, found = self._of_name[name], {}
         if LIGHT in self.tolerance.metrics:
-            found[LIGHT] = _mean(judge_at(self._sources[name], 0, model)[LIGHT])
+            found[LIGHT] = _mean(model_errors(self._sources[name], 0, model)[LIGHT])
         if self._image is not None:
             picture = self._image.of_model(model, material)
             for metric in self._image_metrics:
@@ -101,7 +100,7 @@ def _mean(errors: Sequence[float]) -> float:
 class Refitter:
     """Refits formulas in a scene with this fit problem over the run's materials; `bounds` are the search's."""
 
-    problem: FitProblem
+    problem: Problem
     bounds: tuple[tuple[str, float, float], ...]
     settings: FitSettings
 
@@ -118,11 +117,11 @@ class Refitter:
         job = FitJob((contender.expression or "",), tuple((n, *b) for n, b in bounds.items()), self.settings)
         found = confirm(self.problem, ConfirmJob(job, near.columns or None)).fit
         found = polish(expression, self.problem.fine, self.problem.metric, bounds, found)
-        return _models(expression, found, self.problem.materials)
+        return _models(expression, found, self.problem.names)
 
-    def fit_of(self, models: Mapping[str, Model], problem: FitProblem) -> Fit:
+    def fit_of(self, models: Mapping[str, Model], problem: Problem) -> Fit:
         """Parameters of formula models as a fit to a problem's targets whose errors nobody knows."""
-        formulas = [models[name] for name in problem.materials]
+        formulas = [models[name] for name in problem.names]
         values = np.concatenate([model.parameters for model in formulas if isinstance(model, FormulaModel)])
         expression = next(model.expression for model in formulas if isinstance(model, FormulaModel))
         errors = np.full(len(values), np.inf)
@@ -174,7 +173,7 @@ class Sharer:
 
     def _shared(self, offer: Offer, names: tuple[str, ...]) -> Offer | None:
         whole = self._refitter.problem
-        problem = whole if names == whole.materials else of_material(whole, whole.materials.index(names[0]))
+        problem = whole if names == whole.names else whole.of_material(whole.names.index(names[0]))
         expression = _expression(offer.contender)
 
         def unnoticed(tied: Fit, free: Fit) -> bool:
@@ -200,7 +199,7 @@ def _expression(contender: Contender) -> Expression:
 
 
 def _models(expression: Expression, fit: Fit, names: Sequence[str]) -> dict[str, Model]:
-    return {name: formula_model(expression, fit, i, 0.0) for i, name in enumerate(names)}
+    return dict(zip(names, formula_models(expression, fit, 0.0), strict=True))
 
 
 def _is_whole_formula(contender: Contender, view: View) -> bool:

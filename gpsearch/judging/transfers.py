@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from fitters.fitting import FitProblem, build_problem, transfer
-from fitters.models.baselines import BaselineJob, judge_baseline
+from fitters.fitting import Problem, transfer
+from fitters.models import MaterialTask, summarise
 from gpsearch.configuration import Configuration
 from gpsearch.exports.front_json import baseline_entry
 from gpsearch.exports.transfers import transfer_entry
@@ -34,7 +34,7 @@ def with_references(exported: dict[str, Any], configuration: Configuration) -> d
     missing = set(REFERENCES) - {entry["name"] for entry in exported["baselines"]}
     if not missing:
         return exported
-    problem, planned = build_problem(problem_recipe(configuration)), plan(configuration)
+    problem, planned = problem_recipe(configuration).build(), plan(configuration)
     added = []
     for name in (name for name in REFERENCES if name in missing):
         found = FormulaBaseline(transfer(problem, planned.formula_job(name)), 0.0)
@@ -48,14 +48,14 @@ def transfers(
     """The fits of entries to materials, one problem after the other."""
     recipe, planned = problem_recipe(configuration), plan(configuration)
     for material in materials:
-        problem = build_problem(recipe.of(material.reference))
+        problem = recipe.of(material.reference).build()
         for entry in entries:
             yield (model_of(entry), material.name), _transfer(entry, problem, planned)
 
 
-def _transfer(entry: Mapping[str, Any], problem: FitProblem, planned: Plan) -> Transfer:
+def _transfer(entry: Mapping[str, Any], problem: Problem, planned: Plan) -> Transfer:
     if "expression" not in entry:
-        return Transfer.of_table(judge_baseline(problem, BaselineJob(entry["name"], 0)), planned.metric)
+        return Transfer.of_table(summarise(problem, MaterialTask(entry["name"], 0)), planned.metric)
     job = planned.formula_job(entry["name"]) if "name" in entry else planned.job(entry["expression"])
     return Transfer.of_formula(transfer(problem, job))
 

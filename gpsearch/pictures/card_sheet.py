@@ -13,8 +13,7 @@ from matplotlib.patches import Circle
 from fitters.grid import Array
 from fitters.judging.card import REGION, error_map
 from fitters.judging.metrics import CARD_METRICS
-from fitters.rendering.display import displayed, exposure
-from fitters.rendering.picture import Picture
+from fitters.rendering.picture import Picture, displayed, exposure
 from gpsearch.judging.cards import Shown
 from gpsearch.judging.contenders import Contender
 from gpsearch.pictures.front_plot import TEXT_COLOUR

@@ -1,6 +1,6 @@
 """The Pareto front of error and size, and the store that keeps it."""
 
-from gpsearch.run.baselines import Baseline, FormulaBaseline, TabulatedBaseline
+from fitters.models import Baseline, FormulaBaseline, TabulatedBaseline
 from gpsearch.run.front import Front, Member, Screened
 from gpsearch.run.known import Known
 from gpsearch.run.listed import ListedFormula, listed_formulas

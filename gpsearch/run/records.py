@@ -10,11 +10,11 @@ import numpy as np
 from fitters.fitting import Description, Fit
 from fitters.fitting.culling import Culled, Step
 from fitters.judging.checks import Checks
+from fitters.models import Baseline, FormulaBaseline, TabulatedBaseline
 from gpsearch.evolution.island import Individual
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
 from gpsearch.genomes.genome import edit_json
-from gpsearch.run.baselines import Baseline, FormulaBaseline, TabulatedBaseline
 from gpsearch.run.front import Member
 from gpsearch.run.transfers import Transfer
 

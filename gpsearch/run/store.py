@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 
 from fitters.fitting import Description
 from fitters.fitting.culling import Culled
+from fitters.models import Baseline
 from gpsearch import __version__
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.evolution.island import Island
-from gpsearch.run.baselines import Baseline
 from gpsearch.run.front import Front, Member
 from gpsearch.run.known import Known
 from gpsearch.run.records import (

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.fitting import RESIDUALS, Description
-from fitters.models.baselines import Judged
+from fitters.models import FitSummary
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Transfer:
         return cls(tuple(found.errors.tolist()), description.metrics, parameters, description.warnings)
 
     @classmethod
-    def of_table(cls, judged: Judged, metric: str) -> "Transfer":
+    def of_table(cls, judged: FitSummary, metric: str) -> "Transfer":
         """Of a tabulated baseline, in a run of this metric."""
         metrics = {name: RESIDUALS[name].combine(np.array(errors)) for name, errors in judged.errors.items()}
         return cls(judged.errors[metric], metrics, {}, judged.warnings)

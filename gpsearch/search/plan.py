@@ -6,11 +6,10 @@ from functools import partial
 from math import ceil
 
 from fitters.expressions import to_text
-from fitters.expressions.catalogue import formula
-from fitters.fitting import Candidate, Fit, FitJob, FitProblem, FitSettings, ProblemRecipe, build_problem, screen
+from fitters.fitting import Candidate, Fit, FitJob, FitSettings, Problem, ProblemRecipe, screen
+from fitters.models.formula import published
 from gpsearch.configuration import Configuration
-from gpsearch.evolution.island import Breeding
-from gpsearch.evolution.seeds import cells_seed
+from gpsearch.evolution.island import Breeding, cells_seed
 from gpsearch.genomes import Mutation, codebank
 from workers import Recipe
 
@@ -53,7 +52,7 @@ class Plan:
         return FitJob(expressions, self.bounds, self.settings)
 
     @property
-    def screen(self) -> Callable[[FitProblem, Candidate], Fit]:
+    def screen(self) -> Callable[[Problem, Candidate], Fit]:
         """The screening of a candidate, likewise."""
         return partial(screen, bounds=self.bounds, settings=self.settings)
 
@@ -67,9 +66,7 @@ class Plan:
 
     def formula_job(self, name: str) -> FitJob:
         """The fit of a catalogue formula within its own bounds."""
-        published = formula(name)
-        bounds = tuple((symbol, low, high) for symbol, (low, high) in published.bounds.items())
-        return FitJob((to_text(published.expression),), bounds, self.settings)
+        return published(name).job(self.settings)
 
 
 def budget_of(configuration: Configuration) -> Budget:
@@ -101,8 +98,8 @@ def plan(configuration: Configuration) -> Plan:
         ),
         migrate_every=search.migrate_every,
         migrants=search.migrants,
-        recipe=Recipe(build_problem, recipe),
-        tests={name: Recipe(build_problem, recipe.of(name)) for name in configuration.test_materials},
+        recipe=Recipe(ProblemRecipe.build, recipe),
+        tests={name: Recipe(ProblemRecipe.build, recipe.of(name)) for name in configuration.test_materials},
         metric=configuration.metric,
         materials=len(configuration.materials),
         bounds=tuple((f"p{i}", low, high) for i in range(search.parameters)),
@@ -121,8 +118,8 @@ def problem_recipe(configuration: Configuration) -> ProblemRecipe:
         materials=configuration.materials,
         scene=configuration.scene.recipe,
         metric=configuration.metric,
-        sample_cells=configuration.fit.cells,
-        fine_cells=configuration.fit.confirm_cells,
+        cells=configuration.fit.cells,
+        confirm_cells=configuration.fit.confirm_cells,
         seed=cells_seed(configuration.seed),
         folder=str(configuration.folder.resolve()),
     )

@@ -3,46 +3,37 @@
 from collections.abc import Sequence
 from typing import Any
 
-from fitters.fitting import ConfirmJob, Description, DescriptionJob, confirm, describe
+from fitters.fitting import Description, DescriptionJob, describe
 from fitters.fitting.culling import CullJob, cull
-from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
-from gpsearch.run import FormulaBaseline, Member, Quarantined, Store, TabulatedBaseline
+from fitters.models import MODELS, Fitter
+from gpsearch.run import Member, Quarantined, Store
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane
 
 
 def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
-    """Lanes that fit and store the baselines that are not there yet, and how many tasks they have in all.
-
-    Every tabulated one is a lane with a task per material, and is stored once its last material is judged.
-    """
-    missing = [name for name in plan.baselines if name not in store.baselines()]
-    tabulated = [name for name in missing if name in TABULATED]
-    formulas = [name for name in missing if name not in TABULATED]
-    lanes = [_formula(plan, store, name) for name in formulas]
-    lanes += [_tabulated(plan, store, name) for name in tabulated]
-    return 2 * len(formulas) + plan.materials * len(tabulated), lanes
+    """Lanes that fit and store the baselines that are not there yet, and how many tasks they have in all."""
+    fitters = [MODELS[name] for name in plan.baselines if name not in store.baselines()]
+    # One task over all materials takes longest.
+    fitters.sort(key=lambda fitter: not fitter.together)
+    lanes = [_baseline(plan, store, fitter) for fitter in fitters]
+    return sum(fitter.count_tasks(plan.materials) for fitter in fitters), lanes
 
 
-def _formula(plan: Plan, store: Store, name: str) -> Lane:
-    job = plan.formula_job(name)
-    (confirmed,) = yield Job(confirm, plan.recipe, [ConfirmJob(job)], f"{name} baseline", 10.0)
-    if _failed(store, name, [confirmed]):
-        return
-    task = DescriptionJob(job, confirmed.fit)
-    (description,) = yield Job(describe, plan.recipe, [task], f"describe {name}", 1.0)
-    if not _failed(store, name, [description]):
-        with store.transaction():
-            store.save_baseline(name, FormulaBaseline(description, confirmed.seconds))
-
-
-def _tabulated(plan: Plan, store: Store, name: str) -> Lane:
-    jobs = [BaselineJob(name, material) for material in range(plan.materials)]
-    # Each has a cost of its own, which its name begins with.
-    judged = yield Job(judge_baseline, plan.recipe, jobs, f"{name} baseline", 10.0)
-    if not _failed(store, name, judged):
-        with store.transaction():
-            store.save_baseline(name, TabulatedBaseline.of(name, judged))
+def _baseline(plan: Plan, store: Store, fitter: Fitter) -> Lane:
+    """One stage after the other; the baseline is stored after the last."""
+    stages = fitter.stages(plan.materials, plan.settings)
+    stage = next(stages)
+    while True:
+        results = yield Job(stage.function, plan.recipe, list(stage.tasks), stage.label, stage.seconds)
+        if _failed(store, fitter.name, results):
+            return
+        try:
+            stage = stages.send(results)
+        except StopIteration as end:
+            with store.transaction():
+                store.save_baseline(fitter.name, end.value)
+            return
 
 
 def _failed(store: Store, name: str, results: Sequence[Any]) -> bool:

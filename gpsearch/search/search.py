@@ -1,7 +1,7 @@
-"""The search: islands side by side, from migration to migration, until a budget is used up.
+"""The search: islands in parallel, from migration to migration, until a budget is used up.
 
-Its decisions depend on seeds and fits alone: the same configuration gives the same front on one process or many,
-whatever dies on the way, and however often it is stopped and goes on.
+Its decisions depend on seeds and fits only: the same configuration gives the same front on one process or many,
+with or without lost workers, and however often it is stopped and resumed.
 """
 
 import time
@@ -11,19 +11,21 @@ from typing import Protocol
 
 from gpsearch.evolution.island import Island, migrate
 from gpsearch.run import Front, Generation, Member, Store
-from gpsearch.search.course import Course
+from gpsearch.search.island_search import IslandSearch
+from gpsearch.search.memory import StoredKnowledge
 from gpsearch.search.plan import Plan
-from gpsearch.search.recollection import Recollection
 from gpsearch.search.references import baseline_lanes, description_lanes, unfinished
 from gpsearch.search.transfers import transfer_lanes
 from workers import Done, Executor, Incident, Lane, run_lanes
 
 
 @dataclass(frozen=True)
-class Standing:
-    """Where a run stands, for whoever watches it. `seconds` is the time it has searched, sessions added up.
+class SearchStatus:
+    """How far a search is.
 
-    generation: that all islands have reached
+    generation: the last one that all islands have finished
+    candidates, fitted: numbers so far
+    seconds:    of search so far, the sum of all sessions
     """
 
     generation: int
@@ -34,57 +36,57 @@ class Standing:
 
 
 class Watcher(Protocol):
-    """Whoever is told how the search goes on."""
+    """Is informed of the progress of a search."""
 
     def stage(self, name: str, total: int | None) -> None:
         """A stage of `total` steps begins: "baselines", "searching", "describing the front", "test materials"."""
 
     def step(self, count: int) -> None:
-        """So many steps of the stage are done."""
+        """`count` more steps of the stage are done."""
 
-    def generation(self, standing: Standing) -> None:
-        """Another generation of all islands is whole and stored."""
+    def generation(self, status: SearchStatus) -> None:
+        """All islands have finished another generation, and it is stored."""
 
     def incident(self, incident: Incident) -> None:
         """Something happened to the cluster."""
 
 
 class Search:
-    """One run on its way. `run` returns when a budget is used up; what is stored are always whole generations."""
+    """The search of one run. `run` returns when a budget is used up. Only whole generations are stored."""
 
     def __init__(self, plan: Plan, store: Store, executor: Executor, watcher: Watcher) -> None:
         self.plan, self.store, self.executor, self.watcher = plan, store, executor, watcher
-        islands = store.islands() or self._settled()
-        recollection = Recollection(store, store.migrations * plan.migrate_every)
-        self.shared = recollection.shared()
-        self.courses = [self._course(island) for island in islands]
-        for course in self.courses:
-            recollection.remind(course)
+        islands = store.islands() or self._new_islands()
+        stored = StoredKnowledge(store, store.migrations * plan.migrate_every)
+        self.shared = stored.shared()
+        self.searches = [self._island_search(island) for island in islands]
+        for search in self.searches:
+            stored.restore(search.memory, search.island)
         self.front = store.front()
-        self.standing_generation, self.candidates, self.fitted = store.totals()
+        self.reported_generation, self.candidates, self.fitted = store.totals()
         self.seconds_before = store.seconds
         self.started = time.monotonic()
 
-    def _settled(self) -> tuple[Island, ...]:
-        """New islands, all of them stored at once: a run may be left when only some have a generation."""
+    def _new_islands(self) -> tuple[Island, ...]:
+        """New islands. All are stored now, because a run may stop when only some of them have a generation."""
         islands = tuple(map(Island, range(self.plan.islands)))
         with self.store.transaction():
             self.store.save_islands(islands)
         return islands
 
     def seconds(self) -> float:
-        """For how long the run has searched."""
+        """How long the run has searched, in all sessions."""
         return self.seconds_before + time.monotonic() - self.started
 
     @property
     def generation(self) -> int:
-        """What all islands have reached."""
-        return min(course.island.generation for course in self.courses)
+        """The last one that all islands have finished."""
+        return min(search.island.generation for search in self.searches)
 
     def run(self) -> str:
-        """Breeds until a budget is used up, describes the front and tests it; returns which budget it was."""
+        """Searches until a budget is used up, describes and tests the front. Returns the name of that budget."""
         self.fit_baselines()
-        # The minutes are the search's own: its baselines may take longer than a short budget.
+        # The budget of minutes is without the baselines, which may take longer than a short budget.
         self.started = time.monotonic()
         reason = self._search()
         self.describe_front()
@@ -106,14 +108,14 @@ class Search:
             self._run(lanes, stop=lambda: False)
 
     def fit_test_materials(self) -> None:
-        """Fits what is listed, formulas that are described and baselines, to the test materials."""
+        """Fits the described formulas and the baselines to the test materials."""
         total, lanes = transfer_lanes(self.plan, self.store)
         if lanes:
             self.watcher.stage("test materials", total)
             self._run(lanes, stop=lambda: False)
 
     def _search(self) -> str:
-        """Every turn of the loop is what lies between two migrations."""
+        """Each pass of the loop goes from one migration to the next."""
         last, every = self.plan.last_generation, self.plan.migrate_every
         per_generation = self.plan.breeding.size * self.plan.islands
         self.watcher.stage("searching", None if last is None else last * per_generation)
@@ -121,24 +123,31 @@ class Search:
         while last is None or self.generation < last:
             due = (self.store.migrations + 1) * every
             target = due if last is None else min(due, last)
-            if not self._run((course.until(target) for course in self.courses), stop=self._late):
+            if not self._run((search.advance_to(target) for search in self.searches), stop=self._out_of_time):
                 return "minutes"
             if self.generation == due:
                 self._migrate()
         return "generations" if last == self.plan.budget.generations else "candidates"
 
     def _migrate(self) -> None:
-        """The best of every island move on, and all islands learn what each has found."""
-        self.shared.join(course.memory for course in self.courses)
-        islands = migrate([course.island for course in self.courses], self.plan.migrants)
+        """The best individuals migrate, and all islands get to know the results of each."""
+        self.shared.join(search.memory for search in self.searches)
+        islands = migrate([search.island for search in self.searches], self.plan.migrants)
         with self.store.transaction():
             self.store.save_islands(islands)
             self.store.keep_confirmed(self.shared.front)
             self.store.save_migrations(self.store.migrations + 1)
-        self.courses = [self._course(island) for island in islands]
+        self.searches = [self._island_search(island) for island in islands]
 
-    def _course(self, island: Island) -> Course:
-        return Course(self.plan, self.store, island, self.shared, told=self._told, seconds=self.seconds)
+    def _island_search(self, island: Island) -> IslandSearch:
+        return IslandSearch(
+            self.plan,
+            self.store,
+            island,
+            self.shared,
+            on_generation=self._on_generation,
+            seconds=self.seconds,
+        )
 
     def _run(self, lanes: Iterable[Lane], stop: Callable[[], bool]) -> bool:
         def stop_and_note() -> bool:
@@ -150,30 +159,30 @@ class Search:
         finally:
             self._note_incidents()
 
-    def _late(self) -> bool:
+    def _out_of_time(self) -> bool:
         return self.plan.budget.seconds is not None and self.seconds() >= self.plan.budget.seconds
 
-    # what others are told
+    # reports
 
     def _done(self, done: Done) -> None:
         if done.job.kind != "confirm":
             self.watcher.step(1)
 
-    def _told(self, row: Generation, screened: int, confirmed: list[Member]) -> None:
-        """A generation of an island is stored."""
-        before = self.standing_generation
+    def _on_generation(self, row: Generation, screened: int, confirmed: list[Member]) -> None:
+        """Counts and reports a generation of an island, which is stored."""
+        before = self.reported_generation
         self.candidates += row.candidates
         self.fitted += row.fitted
         self.front = self.front.updated(confirmed)
         self.watcher.step(row.candidates - screened)
         if self.generation > before:
-            self.standing_generation = self.generation
+            self.reported_generation = self.generation
             self.watcher.generation(
-                Standing(self.generation, self.candidates, self.fitted, self.seconds(), self.front)
+                SearchStatus(self.generation, self.candidates, self.fitted, self.seconds(), self.front)
             )
 
     def _note_incidents(self) -> None:
-        """Whatever happened to the cluster goes into the event log."""
+        """Writes what happened to the cluster to the event log, and reports it."""
         incidents = self.executor.incidents()
         if incidents:
             with self.store.transaction():

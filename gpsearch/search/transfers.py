@@ -1,10 +1,10 @@
-"""What is computed after a search: all that it lists, fitted to the test materials."""
+"""Fits to the test materials, after a search: of all formulas and baselines that it lists."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from fitters.fitting import FitJob, transfer
-from fitters.models.baselines import TABULATED, BaselineJob, judge_baseline
+from fitters.models import MODELS, MaterialTask, summarise
 from gpsearch.configuration.materials import material_name
 from gpsearch.run import Quarantined, Store, Transfer, listed_formulas
 from gpsearch.search.plan import Plan
@@ -12,17 +12,17 @@ from workers import Failure, Job, Lane, Stopped
 
 
 def transfer_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
-    """Lanes that fit what is missing to test materials, and how many fits they have in all.
+    """Lanes of the missing fits to test materials, and the number of these fits.
 
-    The lanes of a material follow each other, so that a process goes through one after the other and holds no
-    more than one of them at a time.
+    The lanes of one material follow each other, so that a process loads one material after the other and
+    holds only one of them at a time.
     """
-    there = store.transfers().keys()
+    stored = store.transfers().keys()
     formulas, tables = formula_jobs(plan, store), _tables(plan, store)
     count, lanes = 0, []
     for reference in plan.tests:
-        jobs = {model: job for model, job in formulas.items() if (model, reference) not in there}
-        names = [name for name in tables if (name, reference) not in there]
+        jobs = {model: job for model, job in formulas.items() if (model, reference) not in stored}
+        names = [name for name in tables if (name, reference) not in stored]
         count += len(jobs) + len(names)
         lanes += [_formulas(plan, store, reference, jobs)] if jobs else []
         lanes += [_table(plan, store, reference, name) for name in names]
@@ -30,16 +30,16 @@ def transfer_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
 
 
 def formula_jobs(plan: Plan, store: Store) -> dict[str, FitJob]:
-    """The fits of what front.json lists as formulas: by expression of what was found, by name of the baselines."""
-    found = {formula.expression: plan.job(formula.expression) for formula in listed_formulas(store)}
+    """The fits of the formulas in front.json: of the front by expression, of baselines by name."""
+    front = {formula.expression: plan.job(formula.expression) for formula in listed_formulas(store)}
     fitted = store.baselines()
-    published = [name for name in plan.baselines if name in fitted and name not in TABULATED]
-    return found | {name: plan.formula_job(name) for name in published}
+    published = [name for name in plan.baselines if name in fitted and MODELS[name].together]
+    return front | {name: plan.formula_job(name) for name in published}
 
 
 def _tables(plan: Plan, store: Store) -> list[str]:
     fitted = store.baselines()
-    return [name for name in plan.baselines if name in fitted and name in TABULATED]
+    return [name for name in plan.baselines if name in fitted and not MODELS[name].together]
 
 
 def _formulas(plan: Plan, store: Store, reference: str, jobs: Mapping[str, FitJob]) -> Lane:
@@ -50,30 +50,30 @@ def _formulas(plan: Plan, store: Store, reference: str, jobs: Mapping[str, FitJo
         f"transfer formulas to {material_name(reference)}",
         5.0,
     )
-    yield from _kept(store, reference, list(jobs), job, Transfer.of_formula)
+    yield from _fits_to(store, reference, list(jobs), job, Transfer.of_formula)
 
 
 def _table(plan: Plan, store: Store, reference: str, name: str) -> Lane:
     job = Job(
-        judge_baseline,
+        summarise,
         plan.tests[reference],
-        [BaselineJob(name, 0)],
-        # Each has a cost of its own, which its name begins with.
+        [MaterialTask(name, 0)],
+        # The label starts with the name: executors measure the time per item by it.
         f"{name} baseline of {material_name(reference)}",
         10.0,
     )
-    yield from _kept(store, reference, [name], job, lambda judged: Transfer.of_table(judged, plan.metric))
+    yield from _fits_to(store, reference, [name], job, lambda judged: Transfer.of_table(judged, plan.metric))
 
 
-def _kept(store: Store, reference: str, models: list[str], job: Job, read: Callable[[Any], Transfer]) -> Lane:
-    """Runs the fits of models to a test material, and stores what there is of them also where they are stopped.
+def _fits_to(store: Store, reference: str, models: list[str], job: Job, read: Callable[[Any], Transfer]) -> Lane:
+    """Runs the fits of models to a test material and stores the results, also those before a stop.
 
-    What cannot be fitted is quarantined, and tried again at the next launch.
+    A model that cannot be fitted is quarantined, and tried again at the next launch.
     """
     try:
         results = yield job
     except Stopped as stopped:
-        # What failed may have done so for the same reason as what stops us: it is tried again.
+        # These failures may have the same cause as the stop: they are tried again after a resume.
         fits = {i: result for i, result in stopped.results.items() if not isinstance(result, Failure)}
         _save(store, reference, models, fits, read)
         raise

@@ -13,7 +13,7 @@ import numpy as np
 
 from fitters.backends import program
 from fitters.expressions import parse
-from fitters.fitting import Candidate, FitProblem, refit
+from fitters.fitting import Candidate, Problem, refit
 from gpsearch.configuration import Configuration
 from gpsearch.run import Store
 from gpsearch.search.plan import Plan, plan
@@ -81,7 +81,7 @@ def _recorded(planned: Plan) -> list[Candidate]:
     return [candidate for candidate in search.recorded if math.isfinite(candidate.bar)]
 
 
-def _measured(name: str, problem: FitProblem, planned: Plan, candidate: Candidate) -> Measured:
+def _measured(name: str, problem: Problem, planned: Plan, candidate: Candidate) -> Measured:
     bar = candidate.bar if planned.early_stopping else math.inf
     near = candidate.near if planned.warm_starts else None
     # What one arm has lowered would be there for the next.

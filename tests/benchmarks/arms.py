@@ -18,11 +18,12 @@ from fitters.backends import program
 from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
-from fitters.fitting import Confirmed, ConfirmJob, Fit, FitProblem, FitSettings, refit, stages
-from fitters.fitting.fit import Bounds, _prepared, _starts, _stated
-from fitters.fitting.problem import Cells
+from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, refit, stages
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import _prepared, _starts, _stated
+from fitters.fitting.settings import Bounds
 from fitters.judging.metrics import Residual
-from gpsearch.search import course
+from gpsearch.search import island_search
 from gpsearch.search.memory import Memory
 
 fitting = sys.modules["fitters.fitting.fit"]
@@ -62,7 +63,7 @@ def prepare_without_coarse_part(expression: Expression, cells: Cells, bounds: Bo
     return _prepared(expression, replace(cells, coarse=None), bounds)
 
 
-def confirm_as_screened(fit_problem: FitProblem, task: ConfirmJob) -> Confirmed:
+def confirm_as_screened(fit_problem: Problem, task: ConfirmJob) -> Confirmed:
     """The screened parameters, judged on all cells."""
     started = time.perf_counter()
     assert task.near is not None
@@ -94,9 +95,9 @@ def fit_as_the_paper(
 
 
 WITHOUT_PROJECTION = (prepared, "lower", lower_without_split)
-WITHOUT_MEMORY = (Memory, "knows", lambda self, key, bar: key in self.fresh)
+WITHOUT_MEMORY = (Memory, "knows", lambda self, key, bar: key in self.new_fits)
 """Known is only what a generation that was broken off has fitted."""
-AS_SCREENED = (course, "confirm", confirm_as_screened)
+AS_SCREENED = (island_search, "confirm", confirm_as_screened)
 
 ARMS = {
     arm.name: arm

@@ -17,12 +17,11 @@ import numpy as np
 from fitters.engine.warm import warm_up
 from fitters.errors import FittersError
 from fitters.expressions import parse, to_text
-from fitters.expressions.catalogue import CATALOGUE, formula
-from fitters.fitting import ConfirmJob, FitJob, FitProblem, FitSettings, confirm, fit_problem
+from fitters.expressions.catalogue import formula
+from fitters.fitting import ConfirmJob, FitJob, FitSettings, Problem, confirm, model_errors
 from fitters.judging.metrics import IMAGE_METRICS
 from fitters.materials import Material, load_material
-from fitters.models import FormulaModel, Model
-from fitters.models.baselines import TABULATED, fit_baseline, judge
+from fitters.models import BASELINES, FormulaModel, Model, fitter_of, material_fitter
 from fitters.models.factors.objective import objective
 from fitters.rendering import Picture, image_map
 from fitters.scenes import Scene, light_table
@@ -31,6 +30,7 @@ from tests.benchmarks.reference_materials import MaterialSet, authors_factors, m
 from tests.benchmarks.solvers import table as compared
 from tests.benchmarks.table import Cell, Table
 
+TABULATED = tuple(name for name in BASELINES if not fitter_of(name).together)
 MODELS = (*(name for name in TABULATED if name != "power-iterations-anisotropic"), "cook-torrance", "ggx", "abc")
 AUTHORS = "npf, the authors' tables"
 PAPER_SECONDS = {"npf-independent-g": 2838, "npf-g-from-d": 765, "npf-naive": 680}
@@ -57,7 +57,7 @@ class Row:
 
 
 @click.command()
-@click.argument("models", nargs=-1, type=click.Choice([*TABULATED, *CATALOGUE]))
+@click.argument("models", nargs=-1, type=click.Choice(BASELINES))
 @click.option(
     "--data",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -91,13 +91,13 @@ def _warm(models: Iterable[str]) -> None:
     warm_up()
     for name in models:
         if name in TABULATED:
-            fit_baseline(name, load_material("builtin:metal"))
+            material_fitter(name).of_material(load_material("builtin:metal"))
 
 
 def measured(material: Material, models: Iterable[str], data: Path | None) -> list[Row]:
     """The rows of a material: every model fitted, judged under the light, and seen in a picture."""
     scene = Scene(light=str(data / PROBE) if data else "studio")
-    problem = fit_problem([material], light_table(scene), metric="light", sample_cells=2048, seed=SEED)
+    problem = Problem([material], light_table(scene), metric="light", cells=2048, seed=SEED)
     fitted: dict[str, tuple[Model, float, tuple[str, ...]]] = {}
     for name in models:
         try:
@@ -111,7 +111,7 @@ def measured(material: Material, models: Iterable[str], data: Path | None) -> li
     theirs = np.array(objective(material, authors)) if authors is not None else np.full(3, np.nan)
     rows = []
     for (name, (model, iterations, warnings)), image in zip(fitted.items(), images[1:], strict=True):
-        errors = judge(problem, 0, model)
+        errors = model_errors(problem, 0, model)
         rows.append(
             Row(
                 model=name,
@@ -129,15 +129,15 @@ def measured(material: Material, models: Iterable[str], data: Path | None) -> li
     return rows
 
 
-def _fitted(name: str, problem: FitProblem) -> tuple[Model, float, tuple[str, ...]]:
+def _fitted(name: str, problem: Problem) -> tuple[Model, float, tuple[str, ...]]:
     """A model of a problem's only material, the iterations of its fit, its warnings."""
     if name in TABULATED:
-        fitted = fit_baseline(name, problem.source.materials[0])
+        fitted = material_fitter(name).of_material(problem.materials[0])
         return fitted.model, float(np.max(fitted.details["iterations"])), fitted.warnings
     return fitted_model(name, problem), math.nan, ()
 
 
-def fitted_model(name: str, problem: FitProblem) -> FormulaModel:
+def fitted_model(name: str, problem: Problem) -> FormulaModel:
     """A catalogue formula fitted to a problem's only material."""
     published = formula(name)
     bounds = tuple((symbol, *interval) for symbol, interval in published.bounds.items())

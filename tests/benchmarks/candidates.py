@@ -6,7 +6,7 @@ import numpy as np
 
 from fitters.expressions import Expression, parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting.fit import Bounds
+from fitters.fitting.settings import Bounds
 from gpsearch.evolution.island import Breeding, Island, advance
 from gpsearch.genomes import Mutation, codebank, random_edit, reify
 from gpsearch.genomes.genome import draft

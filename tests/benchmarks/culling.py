@@ -14,9 +14,8 @@ from fitters.fitting import (
     ConfirmJob,
     DescriptionJob,
     FitJob,
-    FitProblem,
     FitSettings,
-    build_problem,
+    Problem,
     confirm,
     describe,
 )
@@ -38,11 +37,11 @@ TOLERANCES = (0.001, 0.01, 0.05)
 )
 def main(formulas: tuple[str, ...], data: Path | None) -> None:
     """Prints what is left of FORMULAS, names of the catalogue."""
-    problem = build_problem(recipe(data))
+    problem = recipe(data).build()
     click.echo(culled(problem, formulas or FORMULAS).text())
 
 
-def culled(problem: FitProblem, formulas: tuple[str, ...]) -> Table:
+def culled(problem: Problem, formulas: tuple[str, ...]) -> Table:
     """A row for each formula and tolerance; errors over all cells."""
     rows: list[tuple[Cell, ...]] = []
     for name in formulas:
@@ -59,7 +58,7 @@ def culled(problem: FitProblem, formulas: tuple[str, ...]) -> Table:
                 (name, tolerance, parse(left.expression).nodes, error, f"{growth:+.2f} %", left.expression)
             )
     return Table(
-        f"Culling formulas refitted to {', '.join(problem.materials)}",
+        f"Culling formulas refitted to {', '.join(problem.names)}",
         ("formula", "tolerance", "nodes", "error", "change", "what is left"),
         tuple(rows),
     )

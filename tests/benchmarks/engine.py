@@ -9,12 +9,12 @@ from pathlib import Path
 import click
 
 from fitters.engine.warm import warm_up
-from fitters.fitting import FitProblem, ProblemRecipe, build_problem
+from fitters.fitting import Problem, ProblemRecipe
 from tests.benchmarks import evaluation, fitting, growth, quality, search, stopping
 from tests.benchmarks.problem import data_folder, recipe
 from tests.benchmarks.table import Table
 
-SECTIONS: dict[str, Callable[[FitProblem], Iterable[Table]]] = {
+SECTIONS: dict[str, Callable[[Problem], Iterable[Table]]] = {
     "evaluation": evaluation.tables,
     "fitting": fitting.tables,
     "quality": quality.tables,
@@ -39,11 +39,11 @@ SEARCHES: dict[str, Callable[[ProblemRecipe], Iterable[Table]]] = {
 )
 def main(sections: tuple[str, ...], data: Path | None) -> None:
     """Prints the tables of the named sections, by default of all."""
-    problem = build_problem(recipe(data))
+    problem = recipe(data).build()
     warm_up()
     click.echo(
         f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}\n"
-        f"{', '.join(problem.materials)}: {len(problem.targets)} targets, {len(problem.full):,} lit cells, "
+        f"{', '.join(problem.names)}: {len(problem.targets)} targets, {len(problem.full):,} lit cells, "
         f"{len(problem.fine):,} in the fine sample, {len(problem.sample):,} in the sample"
     )
     for name in sections or (*SECTIONS, *SEARCHES):

@@ -10,8 +10,8 @@ from fitters.engine.multistart import Descent
 from fitters.engine.prepared import Prepared
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import FitProblem, fit
-from fitters.fitting.problem import Cells
+from fitters.fitting import Problem, fit
+from fitters.fitting.cells import Cells
 from tests.benchmarks.candidates import Candidate, catalogue
 from tests.benchmarks.problem import draw
 from tests.benchmarks.table import Cell, Table
@@ -35,13 +35,13 @@ class Extent:
     rounds: int = 9
 
 
-def tables(problem: FitProblem, extent: Extent = Extent()) -> Iterator[Table]:
+def tables(problem: Problem, extent: Extent = Extent()) -> Iterator[Table]:
     """One table per number of cells: ns per cell and evaluation, and how many times as long the others take."""
     for count in extent.cells:
         yield _table(problem, draw(problem.full, count), extent.rounds)
 
 
-def _table(problem: FitProblem, cells: Cells, rounds: int) -> Table:
+def _table(problem: Problem, cells: Cells, rounds: int) -> Table:
     notes = {
         "ratio: of the other's time to this engine's. All have one thread, and float32 but for NumPy.",
         "The engine's time holds the closed-form solution of what is linear; the others evaluate at its result.",

@@ -8,8 +8,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitters.fitting import Fit, FitProblem, FitSettings, fit, refit
-from fitters.fitting.problem import Cells
+from fitters.fitting import Fit, FitSettings, Problem, fit, refit
+from fitters.fitting.cells import Cells
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import EVALUATIONS, PlainFit
 from tests.benchmarks.problem import SEED
@@ -40,7 +40,7 @@ class Extent:
     full_targets: int = 1
 
 
-def tables(problem: FitProblem, extent: Extent = Extent()) -> Iterator[Table]:
+def tables(problem: Problem, extent: Extent = Extent()) -> Iterator[Table]:
     """Fits on the sample, then on all cells."""
     candidates = (*catalogue(), *random_candidates(extent.random))
     yield _table(problem, problem.sample, candidates, _on_sample, extent.sample_targets)
@@ -49,10 +49,10 @@ def tables(problem: FitProblem, extent: Extent = Extent()) -> Iterator[Table]:
 
 
 def _table(
-    problem: FitProblem,
+    problem: Problem,
     cells: Cells,
     candidates: Iterable[Candidate],
-    engine: Callable[[FitProblem, Candidate], Fit],
+    engine: Callable[[Problem, Candidate], Fit],
     count: int,
 ) -> Table:
     every = len(problem.targets)
@@ -79,10 +79,10 @@ def _table(
 
 
 def _row(
-    problem: FitProblem,
+    problem: Problem,
     cells: Cells,
     candidate: Candidate,
-    engine: Callable[[FitProblem, Candidate], Fit],
+    engine: Callable[[Problem, Candidate], Fit],
     targets: np.ndarray,
 ) -> tuple[Cell, ...]:
     """Both in turns, the engine before and after every target of SciPy's."""
@@ -102,11 +102,11 @@ def _row(
     return candidate.name, count, 1e3 * mine, 1 / mine, theirs, theirs / mine, quality
 
 
-def _on_sample(problem: FitProblem, candidate: Candidate) -> Fit:
+def _on_sample(problem: Problem, candidate: Candidate) -> Fit:
     return fit(candidate.expression, problem.sample, problem.metric, candidate.bounds)
 
 
-def _on_all(problem: FitProblem, candidate: Candidate) -> Fit:
+def _on_all(problem: Problem, candidate: Candidate) -> Fit:
     """On the fine sample, then by a short descent on all cells."""
     expression, metric, bounds = candidate.expression, problem.metric, candidate.bounds
     near = fit(expression, problem.fine, metric, bounds)

@@ -7,8 +7,8 @@ import numpy as np
 
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import formula
-from fitters.fitting import Fit, FitProblem, fit
-from fitters.fitting.problem import Cells, Coarse, sample
+from fitters.fitting import Fit, Problem, fit
+from fitters.fitting.cells import Cells, Coarse, sample
 from tests.benchmarks.problem import SEED, draw
 from tests.benchmarks.table import Table
 from tests.benchmarks.timing import medians
@@ -38,7 +38,7 @@ class Extent:
     rounds: int = 3
 
 
-def tables(problem: FitProblem, extent: Extent = Extent()) -> Iterator[Table]:
+def tables(problem: Problem, extent: Extent = Extent()) -> Iterator[Table]:
     """One table for each of what a fit grows with; everything else as in a search's screening."""
     published = formula(FORMULA)
 

@@ -16,15 +16,14 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from fitters.engine.warm import warm_up
-from fitters.fitting import fit_problem
+from fitters.fitting import Problem
 from fitters.grid import CELLS, SHAPE, Array
 from fitters.judging.card import model_values
 from fitters.judging.metrics import METRICS, Compared
 from fitters.materials import Material, load_material
-from fitters.models import Model
-from fitters.models.baselines import TABULATED, kept_baseline
+from fitters.models import Model, fitter_of, material_fitter
 from fitters.rendering import ImageMap, Picture, image_map
-from fitters.rendering.image_map import mapped
+from fitters.rendering.maps import mapped
 from fitters.scenes import EnvironmentMap, LightTable, Scene, light_table, load_light
 from fitters.scenes.geometry import sphere
 from fitters.scenes.sphere import sphere_light
@@ -169,13 +168,13 @@ def rows_of(
     for material in materials:
         truth = image.of_material(material)
         for name, light in tables.items():
-            problem = fit_problem([material], light, metric="light", sample_cells=2048, seed=SEED)
+            problem = Problem([material], light, metric="light", cells=2048, seed=SEED)
             for model in MODELS:
                 key = (name, material.name, model)
                 if key not in done:
                     fitted = (
-                        kept_baseline(model, material).model
-                        if model in TABULATED
+                        material_fitter(model).kept(material).model
+                        if not fitter_of(model).together
                         else fitted_model(model, problem)
                     )
                     done[key] = Row(*key, *_judged(fitted, material, light, image, truth))
@@ -235,7 +234,7 @@ def ranks(rows: list[Row]) -> Table:
         own = [row for row in rows if row.table == table]
         for kinds, chosen in (
             ("all models", own),
-            ("formulas", [row for row in own if row.model not in TABULATED]),
+            ("formulas", [row for row in own if fitter_of(row.model).together]),
         ):
             light = [row.light for row in chosen]
             found = [

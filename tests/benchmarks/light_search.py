@@ -13,9 +13,9 @@ import click
 import numpy as np
 
 from fitters.expressions import parse
-from fitters.fitting import FitProblem, ProblemRecipe, build_problem, fit_problem
+from fitters.fitting import Problem, ProblemRecipe
 from fitters.judging.metrics import IMAGE_METRICS
-from fitters.models.baselines import formula_model
+from fitters.models.formula import formula_models
 from fitters.rendering import image_map
 from fitters.scenes import load_light
 from gpsearch.run import Member, Store
@@ -39,21 +39,21 @@ class Extent:
     generations: int = 10
 
 
-def point_sampled_problem(of: ProblemRecipe) -> FitProblem:
-    """As `build_problem`, under the light table that was the default before tables converged."""
-    problem = build_problem(of)
+def point_sampled_problem(of: ProblemRecipe) -> Problem:
+    """As `ProblemRecipe.build`, under the light table that was the default before tables converged."""
+    problem = of.build()
     light = load_light(of.scene.light, base=Path(of.folder)).rotated(of.scene.rotation)
-    return fit_problem(
-        problem.source.materials,
+    return Problem(
+        problem.materials,
         point_sampled(light, *SAMPLINGS[0]),
         metric=of.metric,
-        sample_cells=of.sample_cells,
-        fine_cells=of.fine_cells,
+        cells=of.cells,
+        confirm_cells=of.confirm_cells,
         seed=of.seed,
     )
 
 
-TABLES = {"point-sampled": point_sampled_problem, "converged": build_problem}
+TABLES = {"point-sampled": point_sampled_problem, "converged": ProblemRecipe.build}
 
 
 @click.command()
@@ -102,7 +102,7 @@ class _Judge:
     """Converged pictures of the materials, and of formulas of them."""
 
     def __init__(self, of: ProblemRecipe) -> None:
-        self.materials = build_problem(of).source.materials
+        self.materials = of.build().materials
         scene = replace(of.scene, resolution=RESOLUTION)
         self.image = image_map(scene, base=Path(of.folder))
         self.truths = [self.image.of_material(material) for material in self.materials]
@@ -111,7 +111,7 @@ class _Judge:
         """Means over the materials of `SEEN`."""
         expression, values = parse(member.expression), []
         for i, (material, truth) in enumerate(zip(self.materials, self.truths, strict=True)):
-            picture = self.image.of_model(formula_model(expression, member.fit, i, 0.0), material)
+            picture = self.image.of_model(formula_models(expression, member.fit, 0.0)[i], material)
             values.append([IMAGE_METRICS[metric].compare(truth, picture).value for metric in SEEN])
         return list(np.mean(values, axis=0))
 

@@ -11,8 +11,8 @@ from unittest.mock import patch
 import psutil
 
 from gpsearch.run import Store
-from gpsearch.search import course
-from gpsearch.search.search import Search, Standing
+from gpsearch.search import island_search
+from gpsearch.search.search import Search, SearchStatus
 from tests.benchmarks.runs import Silent
 from workers import Done, Executor, Job
 from workers.dispatch import Dispatch
@@ -57,7 +57,7 @@ class Meter(Silent):
         if name == "searching":
             self.readings.append(self._reading())
 
-    def generation(self, standing: Standing) -> None:
+    def generation(self, status: SearchStatus) -> None:
         self.readings.append(self._reading())
 
     def _reading(self) -> Reading:
@@ -88,8 +88,10 @@ class Meter(Silent):
 
         with ExitStack() as stack:
             stack.enter_context(patch.object(Dispatch, "finished", noted))
-            for name in ("advance", "entrants"):
-                stack.enter_context(patch.object(course, name, self._clocked("breeding", getattr(course, name))))
+            for name in ("advance", "smallest_of_each_form"):
+                stack.enter_context(
+                    patch.object(island_search, name, self._clocked("breeding", getattr(island_search, name)))
+                )
             yield
 
     def _clocked(self, part: str, function: Any) -> Any:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fitters.expressions import Expression, grammar
 from fitters.expressions.evaluation import FEATURES
-from fitters.fitting.problem import Cells
+from fitters.fitting.cells import Cells
 
 _SIGNS = {"add": "+", "sub": "-", "mul": "*", "div": "/"}
 _CALLS = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}

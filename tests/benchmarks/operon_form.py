@@ -8,7 +8,7 @@ import pyoperon
 
 from fitters.expressions import Expression, grammar
 from fitters.expressions.evaluation import FEATURES
-from fitters.fitting.problem import Cells
+from fitters.fitting.cells import Cells
 
 _TYPES = {
     "neg": "Sub",

@@ -7,8 +7,8 @@ from scipy.optimize import least_squares, minimize
 
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting.fit import Bounds
-from fitters.fitting.problem import Cells
+from fitters.fitting.cells import Cells
+from fitters.fitting.settings import Bounds
 from fitters.grid import Array
 
 EVALUATIONS = 200

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from fitters.fitting import ProblemRecipe
-from fitters.fitting.problem import COARSE, Cells
+from fitters.fitting.cells import COARSE, Cells
 from fitters.scenes import Scene
 
 SEED = 1
@@ -29,8 +29,8 @@ def recipe(data: Path | None) -> ProblemRecipe:
         materials=MEASURED if data else BUILT_IN,
         scene=Scene(light=PROBE if data else "studio"),
         metric="light",
-        sample_cells=2048,
-        fine_cells=16384,
+        cells=2048,
+        confirm_cells=16384,
         seed=SEED,
         folder=str(data or Path.cwd()),
     )

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitters.fitting import Fit, FitProblem, FitSettings, fit
+from fitters.fitting import Fit, FitSettings, Problem, fit
 from fitters.grid import Array
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import PlainFit
@@ -32,7 +32,7 @@ class Extent:
     scipy: int = 4
 
 
-def tables(problem: FitProblem, extent: Extent = Extent()) -> Iterator[Table]:
+def tables(problem: Problem, extent: Extent = Extent()) -> Iterator[Table]:
     """One table: a row per kind of candidates and settings."""
     rows, notes = [], []
     for title, candidates, starts in (
@@ -65,7 +65,7 @@ def tables(problem: FitProblem, extent: Extent = Extent()) -> Iterator[Table]:
     )
 
 
-def _ratios(problem: FitProblem, candidates: Iterable[Candidate], starts: int) -> dict[str, Array]:
+def _ratios(problem: Problem, candidates: Iterable[Candidate], starts: int) -> dict[str, Array]:
     """Error over the best known (candidates, targets) for every kind of settings; NaN where no fit is finite."""
     ratios: dict[str, list[Array]] = {kind: [] for kind in KINDS}
     for candidate in candidates:
@@ -77,18 +77,18 @@ def _ratios(problem: FitProblem, candidates: Iterable[Candidate], starts: int) -
     return {kind: np.array(rows) for kind, rows in ratios.items()}
 
 
-def _errors(problem: FitProblem, candidate: Candidate, settings: FitSettings) -> Array:
+def _errors(problem: Problem, candidate: Candidate, settings: FitSettings) -> Array:
     found = fit(candidate.expression, problem.sample, problem.metric, candidate.bounds, settings)
     return _judged(problem, candidate, found)
 
 
-def _judged(problem: FitProblem, candidate: Candidate, found: Fit) -> Array:
+def _judged(problem: Problem, candidate: Candidate, found: Fit) -> Array:
     """Errors (targets,) of a fit in float64: the engine's own may be finite where that is not."""
     plain = (PlainFit(candidate.expression, candidate.bounds, problem.sample, t) for t in range(len(found.errors)))
     return np.array([one.error_with(found.parameters(target)) for target, one in enumerate(plain)])
 
 
-def _best_known(problem: FitProblem, candidate: Candidate, starts: int) -> Array:
+def _best_known(problem: Problem, candidate: Candidate, starts: int) -> Array:
     """Errors (targets,) that are reached with much more work."""
     on_all = replace(problem.sample, coarse=None)
     near = fit(candidate.expression, problem.sample, problem.metric, candidate.bounds, WIDE)
@@ -113,7 +113,7 @@ def _summary(ratios: Array) -> tuple[Cell, ...]:
     return known.size, unfitted, *shares, *shown
 
 
-def _farthest(problem: FitProblem, candidates: Iterable[Candidate], ratios: Array) -> str:
+def _farthest(problem: Problem, candidates: Iterable[Candidate], ratios: Array) -> str:
     """The candidate and target with the largest ratio."""
     row, target = np.unravel_index(np.nanargmax(ratios), ratios.shape)
     return f"{list(candidates)[row].name}, {' '.join(problem.targets[target])}"

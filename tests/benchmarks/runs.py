@@ -2,7 +2,7 @@
 
 from fitters.expressions import to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import FitSettings, ProblemRecipe, build_problem
+from fitters.fitting import FitSettings, ProblemRecipe
 from gpsearch.evolution.island import Breeding
 from gpsearch.genomes import Mutation, codebank
 from gpsearch.search.plan import Budget, Plan
@@ -23,7 +23,7 @@ def plan(recipe: ProblemRecipe, *, islands: int, size: int, generations: int, ea
         breeding=Breeding(starts=starts, size=size, tournament=8, mutation=mutation),
         migrate_every=5,
         migrants=1,
-        recipe=Recipe(build_problem, recipe),
+        recipe=Recipe(ProblemRecipe.build, recipe),
         tests={},
         metric=recipe.metric,
         materials=len(recipe.materials),
@@ -44,6 +44,6 @@ class Silent:
 
     def step(self, count: int) -> None: ...
 
-    def generation(self, standing: object) -> None: ...
+    def generation(self, status: object) -> None: ...
 
     def incident(self, incident: object) -> None: ...

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitters.fitting import ProblemRecipe
 from gpsearch.run import Generation, Store
-from gpsearch.search.search import Search, Standing
+from gpsearch.search.search import Search, SearchStatus
 from tests.benchmarks.runs import Silent, plan
 from tests.benchmarks.table import Cell, Table
 from workers import DaskSettings, open_executor
@@ -36,9 +36,9 @@ class Clock(Silent):
     def __init__(self) -> None:
         self.seconds: list[float] = []
 
-    def generation(self, standing: Standing) -> None:
+    def generation(self, status: SearchStatus) -> None:
         # An island may be ahead: the slowest one can bring several generations to their end at once.
-        self.seconds += [standing.seconds] * (standing.generation - len(self.seconds))
+        self.seconds += [status.seconds] * (status.generation - len(self.seconds))
 
 
 def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:

@@ -22,9 +22,9 @@ from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
 from fitters.fitting.fit import POOR
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 from gpsearch.run import Store
-from gpsearch.search import course
+from gpsearch.search import island_search
 from gpsearch.search.plan import Plan
 from tests.benchmarks.metering import UndescribedSearch
 from tests.benchmarks.runs import Silent
@@ -190,5 +190,5 @@ class SimulatedPlan(Plan):
 @contextmanager
 def simulated() -> Iterator[None]:
     """Within it, no search of this process fits what it confirms."""
-    with patch.object(course, "confirm", confirm):
+    with patch.object(island_search, "confirm", confirm):
         yield

@@ -9,8 +9,7 @@ import numpy as np
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.judging.timing import closure, coherent, empty, incoherent, measure
-from fitters.judging.timing.directions import COUNT
-from fitters.judging.timing.harness import ROUNDS
+from fitters.judging.timing.harness import COUNT, ROUNDS
 from fitters.materials import load_material
 from fitters.models import FormulaModel, MeasuredTable, Model, factors, power_iterations
 from tests.benchmarks.table import Table

@@ -9,11 +9,10 @@ from pathlib import Path
 
 from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
-from fitters.fitting import Candidate, Fit, FitProblem, ProblemRecipe, build_problem
-from gpsearch.evolution.island import Island
+from fitters.fitting import Candidate, Fit, Problem, ProblemRecipe
+from gpsearch.evolution.island import Island, Offspring
 from gpsearch.run import Generation, Member, Store
-from gpsearch.search.course import Course
-from gpsearch.search.entrants import Entrant
+from gpsearch.search.island_search import IslandSearch
 from gpsearch.search.plan import Plan
 from gpsearch.search.search import Search
 from tests.benchmarks.runs import Silent, plan
@@ -30,18 +29,18 @@ class Extent:
     size: int = 64
 
 
-class RecordedCourse(Course):
-    """An island that gives no fit up, and notes every candidate under the bar that it would have had."""
+class RecordedIslandSearch(IslandSearch):
+    """Gives no fit up, and records every candidate with the bar that it would have had."""
 
     recorded: list[Candidate]
 
     def _bar(self, nodes: int) -> float:
         return math.inf
 
-    def _candidate(self, entrant: Entrant) -> Candidate:
-        candidate = super()._candidate(entrant)
-        self.recorded.append(replace(candidate, bar=super()._bar(entrant.nodes)))
-        return candidate
+    def _screen_job(self, candidate: Offspring) -> Candidate:
+        job = super()._screen_job(candidate)
+        self.recorded.append(replace(job, bar=super()._bar(candidate.nodes)))
+        return job
 
 
 class RecordedSearch(Search):
@@ -56,13 +55,15 @@ class RecordedSearch(Search):
         self.entered: set[str] = set()
         super().__init__(*arguments)
 
-    def _course(self, island: Island) -> Course:
-        course = RecordedCourse(self.plan, self.store, island, self.shared, told=self._told, seconds=self.seconds)
-        course.recorded = self.recorded
-        return course
+    def _island_search(self, island: Island) -> IslandSearch:
+        search = RecordedIslandSearch(
+            self.plan, self.store, island, self.shared, on_generation=self._on_generation, seconds=self.seconds
+        )
+        search.recorded = self.recorded
+        return search
 
-    def _told(self, row: Generation, screened: int, confirmed: list[Member]) -> None:
-        super()._told(row, screened, confirmed)
+    def _on_generation(self, row: Generation, screened: int, confirmed: list[Member]) -> None:
+        super()._on_generation(row, screened, confirmed)
         members = {member.expression for member in self.front.members}
         self.entered |= {canonical(parse(m.expression)).text for m in confirmed if m.expression in members}
 
@@ -82,7 +83,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         search.run()
         store.close()
     judged = [candidate for candidate in search.recorded if math.isfinite(candidate.bar)]
-    carried, stopped, ratio = _screened_in_turns(build_problem(recipe), planned, judged)
+    carried, stopped, ratio = _screened_in_turns(recipe.build(), planned, judged)
     given_up = [i for i, fit in enumerate(stopped) if not fit.finished]
     below = [i for i in given_up if carried[i].error < judged[i].bar]
     # What one island gives up may be what another carries through.
@@ -110,7 +111,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
 
 
 def _screened_in_turns(
-    problem: FitProblem, planned: Plan, candidates: Iterable[Candidate]
+    problem: Problem, planned: Plan, candidates: Iterable[Candidate]
 ) -> tuple[list[Fit], list[Fit], float]:
     """The fits without a bar, those with it, and the ratio of the times that these took."""
     fits: tuple[list[Fit], list[Fit]] = ([], [])

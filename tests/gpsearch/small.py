@@ -17,7 +17,7 @@ from gpsearch.commands import main
 from gpsearch.configuration import Configuration, parse_configuration
 from gpsearch.run import Store
 from gpsearch.search.plan import plan
-from gpsearch.search.search import Search, Standing
+from gpsearch.search.search import Search, SearchStatus
 from workers import Executor, Incident
 from workers.local import LocalExecutor
 
@@ -55,7 +55,7 @@ class Watching:
     def __init__(self, then: Callable[[str], None] = lambda event: None) -> None:
         self.stages: list[tuple[str, int | None]] = []
         self.incidents: list[Incident] = []
-        self.standings: list[Standing] = []
+        self.statuses: list[SearchStatus] = []
         self.steps = 0
         self.then = then
 
@@ -67,9 +67,9 @@ class Watching:
         self.steps += count
         self.then("step")
 
-    def generation(self, standing: Standing) -> None:
-        self.standings.append(standing)
-        self.then(f"stored {standing.generation}")
+    def generation(self, status: SearchStatus) -> None:
+        self.statuses.append(status)
+        self.then(f"stored {status.generation}")
 
     def incident(self, incident: Incident) -> None:
         self.incidents.append(incident)

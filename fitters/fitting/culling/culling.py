@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fitters.expressions import Expression, parse, to_text
-from fitters.fitting import ConfirmJob, Description, DescriptionJob, FitJob, FitProblem, confirm, describe
+from fitters.fitting import ConfirmJob, Description, DescriptionJob, FitJob, Problem, confirm, describe
+from fitters.fitting.cells import Cells
 from fitters.fitting.culling.greedy import FREE, RECIPROCAL, Demands, Greedy, Stage, Step, contiguous
 from fitters.fitting.culling.reductions import substituted
 from fitters.fitting.fit import Fit, refit
-from fitters.fitting.problem import Cells
 from fitters.judging.checks import Checks
 from fitters.judging.metrics import length
 
@@ -46,7 +46,7 @@ class Culled:
     description: Description | None = None
 
 
-def cull(problem: FitProblem, task: CullJob) -> Culled:
+def cull(problem: Problem, task: CullJob) -> Culled:
     """The smallest formula that one reduction after another leads to within the tolerance on all cells.
 
     Nodes are what the tolerance buys; parameters and digits of constants go where that costs nothing. What is left
@@ -67,21 +67,21 @@ def cull(problem: FitProblem, task: CullJob) -> Culled:
     return Culled(text)
 
 
-def _start(problem: FitProblem, task: CullJob) -> Stage:
+def _start(problem: Problem, task: CullJob) -> Stage:
     """The formula as it is, at its best on either sample, so that only what is taken away makes a difference."""
     expression = parse(task.job.expressions[0])
     sample, fine = (_refit(problem, cells, task, expression) for cells in (problem.sample, problem.fine))
     return Stage(expression, sample, fine)
 
 
-def _refit(problem: FitProblem, cells: Cells, task: CullJob, expression: Expression) -> Fit:
+def _refit(problem: Problem, cells: Cells, task: CullJob, expression: Expression) -> Fit:
     job, near = task.job, task.description.fit.columns
     return refit(
         expression, cells, problem.metric, job.intervals, near, job.settings, evaluations=job.settings.evaluations
     )
 
 
-def _demands(problem: FitProblem, task: CullJob, start: Stage) -> Demands:
+def _demands(problem: Problem, task: CullJob, start: Stage) -> Demands:
     checks = task.description.checks
     return Demands(
         sample=_limit(problem, problem.sample, start.sample.error, task.tolerance),
@@ -92,17 +92,17 @@ def _demands(problem: FitProblem, task: CullJob, start: Stage) -> Demands:
     )
 
 
-def _limit(problem: FitProblem, cells: Cells, error: float, tolerance: float) -> float:
+def _limit(problem: Problem, cells: Cells, error: float, tolerance: float) -> float:
     """What the error on some cells may grow to."""
     return max((1.0 + tolerance) * error, _nothing(problem, cells))
 
 
-def _nothing(problem: FitProblem, cells: Cells) -> float:
+def _nothing(problem: Problem, cells: Cells) -> float:
     """An error on some cells that is none."""
     return EXACT * problem.metric.combine(np.array([length(row) for row in cells.targets]))
 
 
-def _described(problem: FitProblem, task: CullJob, stage: Stage, limit: float) -> tuple[str, Description | None]:
+def _described(problem: Problem, task: CullJob, stage: Stage, limit: float) -> tuple[str, Description | None]:
     """A stage under new names, fitted on all cells and described; None where its error is beyond the limit."""
     names = contiguous(stage.expression)
     text = to_text(substituted(stage.expression, {old: Expression(new) for old, new in names.items()}))

@@ -15,8 +15,9 @@ import numpy as np
 from fitters.expressions import Expression, grammar, to_text
 from fitters.expressions.evaluation import evaluate_features
 from fitters.fitting.culling.reductions import Reduction, complexity, reductions
-from fitters.fitting.fit import HOPELESS, Bounds, Fit, FitSettings, fit, refit
-from fitters.fitting.problem import FitProblem
+from fitters.fitting.fit import HOPELESS, Fit, fit, refit
+from fitters.fitting.problem import Problem
+from fitters.fitting.settings import Bounds, FitSettings
 from fitters.grid import Array
 from fitters.judging.checks import reciprocity
 
@@ -73,7 +74,7 @@ class Stage:
 class Greedy:
     """The way of one formula down. `prices` is all that changes: cost per saving, when last tried."""
 
-    def __init__(self, problem: FitProblem, bounds: Bounds, settings: FitSettings, demands: Demands) -> None:
+    def __init__(self, problem: Problem, bounds: Bounds, settings: FitSettings, demands: Demands) -> None:
         self.problem, self.bounds, self.settings, self.demands = problem, bounds, settings, demands
         self.prices: dict[tuple[Expression, Expression], float] = {}
 

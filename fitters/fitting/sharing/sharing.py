@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.errors import FittersError
-from fitters.fitting.problem import CHANNELS
+from fitters.grid import CHANNELS
 
 Scope = Literal["channel", "material", "set"]
 

@@ -11,10 +11,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.expressions import Expression
-from fitters.fitting.fit import Bounds, Fit
-from fitters.fitting.problem import CHANNELS, Cells, FitProblem
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import Fit
+from fitters.fitting.problem import Problem
+from fitters.fitting.settings import Bounds
 from fitters.fitting.sharing.sharing import Sharing
 from fitters.fitting.sharing.tied import tied_fit
+from fitters.grid import CHANNELS
 from fitters.judging.metrics import length
 
 FLOOR = 1e-6
@@ -51,7 +54,7 @@ def _by_material(errors: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(errors.reshape(-1, len(CHANNELS)) ** 2, axis=1))
 
 
-def share(expression: Expression, problem: FitProblem, bounds: Bounds, free: Fit, unnoticed: Unnoticed) -> Shared:
+def share(expression: Expression, problem: Problem, bounds: Bounds, free: Fit, unnoticed: Unnoticed) -> Shared:
     """The sharing that goes unnoticed on all cells where no parameter may go a step further.
 
     `free` is a fit of every target by itself, such as `describe` leaves.
@@ -64,7 +67,7 @@ def share(expression: Expression, problem: FitProblem, bounds: Bounds, free: Fit
     path = _eliminated(
         lambda sharing, near: tied(problem.sample, sharing, near),
         tied(problem.sample, nothing, free),
-        len(problem.materials),
+        len(problem.names),
         unnoticed,
     )
     judges = [(cells, tied(cells, nothing, free)) for cells in (problem.fine, problem.full)]

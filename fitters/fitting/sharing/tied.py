@@ -15,12 +15,13 @@ from fitters.backends.program import lower
 from fitters.engine.coordinates import Coordinates
 from fitters.engine.prepared import linear_units
 from fitters.expressions import Expression
-from fitters.fitting.fit import Bounds, Fit
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import Fit
 from fitters.fitting.least_squares import LeastSquares, stepped
 from fitters.fitting.polish import TargetSquares
-from fitters.fitting.problem import CHANNELS, Cells
+from fitters.fitting.settings import Bounds
 from fitters.fitting.sharing.sharing import SCOPES, Sharing
-from fitters.grid import Array
+from fitters.grid import CHANNELS, Array
 from fitters.judging.metrics import Residual
 
 DESCENTS = 3

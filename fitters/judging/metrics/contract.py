@@ -37,7 +37,7 @@ class Compared:
     """A measured material and a model of it in a scene.
 
     values:  (3, 90, 90, 180) the model in sr^-1; what it is in cells that are not valid does not count
-    truth:   the picture of the measurement, and `picture` that of the model; None where nobody asks for images
+    truth:   the picture of the measurement, and `picture` that of the model; None where no image metric is asked
 
     Raises `FittersError` for values of another shape.
     """

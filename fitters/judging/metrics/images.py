@@ -4,18 +4,22 @@ All metrics look at the foreground only and take the exposure, where they need o
 neither the size of the background nor the scale of the light changes a value.
 """
 
+import functools
 import math
+import warnings
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
+from typing import Any
 
 import numpy as np
 
 from fitters.errors import FittersError
 from fitters.grid import Array
-from fitters.judging.metrics.colour_difference import PEAK, delta_e_2000, delta_e_itp
 from fitters.judging.metrics.contract import Compared, Comparison, Metric
-from fitters.rendering import display
-from fitters.rendering.picture import Picture
+from fitters.rendering.picture import ABSOLUTE_PROTOCOL, PROTOCOL, Picture, absolute, displayed, exposure
+
+PEAK = 10000.0
+"""cd/m^2 at which the transfer function of SMPTE ST 2084 ends."""
 
 SSIM_RADIUS, SSIM_SIGMA = 5, 1.5
 """The 11 x 11 Gaussian window of Wang et al. 2004."""
@@ -24,14 +28,12 @@ PIXELS_PER_DEGREE = 67.0
 """Of FLIP's observer: a display of 3840 pixels, 0.7 m wide, seen from 0.7 m (Andersson et al. 2020)."""
 
 FLIP_RADIUS = 10
-"""Pixels that FLIP's widest filter reaches, at so many pixels per degree."""
+"""Pixels that FLIP's widest filter reaches, at `PIXELS_PER_DEGREE`."""
 
 
 @dataclass(frozen=True)
 class ImageMetric(Metric):
-    """A distance (or likeness) of two pictures; `between(truth, model)` is asked about pictures that `compare` has
-    checked.
-    """
+    """A distance (or likeness) of two pictures; `compare` checks them before it calls `between(truth, model)`."""
 
     _: KW_ONLY
     between: Callable[[Picture, Picture], Comparison]
@@ -95,8 +97,8 @@ def _delta_e_2000(truth: Picture, model: Picture) -> Comparison:
 
 
 def _delta_e_itp(truth: Picture, model: Picture) -> Comparison:
-    exposure = display.exposure(truth)
-    first, second = (display.absolute(picture, exposure)[truth.foreground] for picture in (truth, model))
+    scale = exposure(truth)
+    first, second = (absolute(picture, scale)[truth.foreground] for picture in (truth, model))
     return _averaged(_spread(delta_e_itp(first, second), truth), truth)
 
 
@@ -117,12 +119,12 @@ def _flip(truth: Picture, model: Picture) -> Comparison:
 
 
 def _shown(truth: Picture, model: Picture) -> tuple[Array, Array]:
-    exposure = display.exposure(truth)
-    return display.displayed(truth, exposure), display.displayed(model, exposure)
+    scale = exposure(truth)
+    return displayed(truth, scale), displayed(model, scale)
 
 
 def _averaged(errors: Array, truth: Picture) -> Comparison:
-    """The mean of errors (h, w) over the foreground; what a filter spreads outside is not counted."""
+    """The mean of errors (h, w) over the foreground; errors that a filter spreads outside are left out."""
     return Comparison(float(np.mean(errors[truth.foreground])), np.where(truth.foreground, errors, 0.0))
 
 
@@ -134,8 +136,8 @@ def _spread(values: Array, truth: Picture) -> Array:
 
 
 def _padded(image: Array, radius: int) -> Array:
-    # A filter's window over the edge of an image would repeat the image; over a black border it sees what it
-    # sees elsewhere around the object.
+    # At the edge of an image a filter would repeat the image; a black border is what it sees elsewhere around the
+    # object.
     return np.pad(image, ((radius, radius), (radius, radius), (0, 0)))
 
 
@@ -143,11 +145,45 @@ def _cropped(image: Array, radius: int) -> Array:
     return image[radius:-radius, radius:-radius]
 
 
+def delta_e_2000(truth: Array, model: Array) -> Array:
+    """CIEDE2000 (n,) between sRGB colours (n, 3) in [0, 1], through CIELAB for D65 and the 2 degree observer."""
+    colour = _colour_science()
+    first, second = (colour.XYZ_to_Lab(colour.sRGB_to_XYZ(shown)) for shown in (truth, model))
+    return lab_difference(first, second)
+
+
+def lab_difference(truth: Array, model: Array) -> Array:
+    """CIEDE2000 (n,) between CIELAB colours (n, 3), all weights 1."""
+    return np.asarray(_colour_science().delta_E(truth, model, method="CIE 2000"))
+
+
+def delta_e_itp(truth: Array, model: Array) -> Array:
+    """Delta E ITP (n,) after BT.2124 between display lights (n, 3) in cd/m^2 of BT.709 primaries."""
+    first, second = (ictcp(light) for light in (truth, model))
+    return np.asarray(_colour_science().delta_E(first, second, method="ITP"))
+
+
+def ictcp(light: Array) -> Array:
+    """ICtCp (n, 3) of BT.2100, PQ, of display light (n, 3) in cd/m^2 of BT.709 primaries, clipped at the peak."""
+    colour = _colour_science()
+    wide = light @ colour.matrix_RGB_to_RGB("ITU-R BT.709", "ITU-R BT.2020", chromatic_adaptation_transform=None).T
+    return colour.RGB_to_ICtCp(np.clip(wide, 0.0, PEAK))
+
+
+@functools.cache
+def _colour_science() -> Any:
+    """The library, imported where it is first used: it takes seconds, and warns of what is not installed."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import colour
+    return colour
+
+
 _LINEAR = "linear RGB, no exposure, foreground pixels only"
-_DISPLAYED = f"displayed sRGB ({display.PROTOCOL})"
+_DISPLAYED = f"displayed sRGB ({PROTOCOL})"
 _BORDER = "windows at the silhouette see black background"
 
-METRICS = (
+METRICS: tuple[Metric, ...] = (
     ImageMetric(
         "l2",
         "image",
@@ -188,7 +224,7 @@ METRICS = (
         "delta-e-itp",
         "image",
         "Delta E ITP of BT.2124 (colour-science), 1 being just noticeable, the mean over foreground pixels; ICtCp "
-        f"of BT.2100 PQ, clipped to {PEAK:,.0f} cd/m^2; {display.ABSOLUTE_PROTOCOL}",
+        f"of BT.2100 PQ, clipped to {PEAK:,.0f} cd/m^2; {ABSOLUTE_PROTOCOL}",
         unit="Delta E ITP",
         label="Delta E ITP",
         short="dE ITP",

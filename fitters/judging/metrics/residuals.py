@@ -132,7 +132,7 @@ COSINE = Residual(
 )
 """What anisotropic measurements are judged by; the cosines stand for the light."""
 
-METRICS = (
+METRICS: tuple[Metric, ...] = (
     Residual(
         "light",
         "light table",

@@ -40,7 +40,7 @@ class TableMetric(Metric):
         return over_channels(self.errors(compared))
 
 
-METRICS = (
+METRICS: tuple[Metric, ...] = (
     TableMetric(
         "cosine-log",
         "table",

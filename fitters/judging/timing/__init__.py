@@ -7,13 +7,12 @@ tables lie in memory as their models hold them (the measured one in float32, the
 
 What to expect. Finding a table's cell is itself a formula: an arc cosine, an arc tangent and a hypotenuse at
 least, one more arc tangent where phi_diff counts, and an arc cosine for each G. Small tables stay in the first or
-second level of the cache and a read costs next to nothing; the measured table (17.5 MB) does not, and every
+second level of the cache and a read takes almost no time; the measured table (17.5 MB) does not, and every
 evaluation waits for three lines of memory, one a channel. `python -m tests.benchmarks.speed` prints both beside
 each other, with single transcendentals for scale.
 """
 
 from fitters.judging.timing.closure import Closure, closure, empty
-from fitters.judging.timing.directions import coherent, incoherent
-from fitters.judging.timing.harness import Timing, measure
+from fitters.judging.timing.harness import Timing, coherent, incoherent, measure
 
 __all__ = ["Closure", "Timing", "closure", "coherent", "empty", "incoherent", "measure"]

@@ -9,11 +9,9 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from fitters.errors import FittersError
-from fitters.fitting.problem import CHANNELS
-from fitters.grid import SHAPE, Array
+from fitters.grid import CHANNELS, SHAPE, Array
 from fitters.materials import Material
 from fitters.materials.synthetic import matte
-from fitters.models import Model
 from fitters.models.factors import solving
 from fitters.models.factors.alternation import Mask, Sums, azimuthal_sums, filled
 from fitters.models.factors.channel import Channel, seen
@@ -22,6 +20,7 @@ from fitters.models.factors.samples import NODES, Samples, samples
 from fitters.models.factors.solving import Solved
 from fitters.models.factors.starts import Start, slices, starts
 from fitters.models.factors.tables import BivariateTable, MicrofacetFactors, NaiveFactors, SmithFactors
+from fitters.models.model import Model
 
 Solver = Literal["joint", "awls"]
 PerChannel = tuple[float, float, float]

@@ -4,8 +4,8 @@ import numpy as np
 
 from fitters.grid import CELLS, SHAPE, cell_directions
 from fitters.materials import Material
-from fitters.models import Model
 from fitters.models.factors.samples import samples
+from fitters.models.model import Model
 
 
 def objective(material: Material, model: Model) -> tuple[float, float, float]:

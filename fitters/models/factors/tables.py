@@ -1,6 +1,6 @@
 """The fitted tables as models. Bins and nodes lie as in a fit: see `fitters.models.factors.samples`."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from fitters.models.directions import rows
 from fitters.models.factors import lookup
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
+from fitters.models.model_code import ModelCode, of_one_table, table_at, vector_at
 
 
 class _Tables(HalfVectorSampling, Model):
@@ -62,6 +63,9 @@ class MicrofacetFactors(_Tables):
         lookup.microfacet(rows(w_i), rows(w_o), *self._arrays.values(), values)
         return values
 
+    def scalar_code(self) -> ModelCode:
+        return _scalar_code(lookup.microfacet_at, tuple(self._arrays.values()))
+
 
 class SmithFactors(MicrofacetFactors):
     """Eq. 3 with G from D, which need not be stored: it is here for those who evaluate."""
@@ -84,6 +88,9 @@ class NaiveFactors(_Tables):
         lookup.naive(rows(w_i), rows(w_o), *self._arrays.values(), values)
         return values
 
+    def scalar_code(self) -> ModelCode:
+        return _scalar_code(lookup.naive_at, tuple(self._arrays.values()))
+
 
 class BivariateTable(_Tables):
     """Eq. 5: B(theta_h, theta_d), B (90, 90, 3) in sr^-1."""
@@ -95,3 +102,25 @@ class BivariateTable(_Tables):
         values = np.empty((len(w_i), 3))
         lookup.bivariate(rows(w_i), rows(w_o), self["B"], values)
         return values
+
+    def scalar_code(self) -> ModelCode:
+        return of_one_table(lookup.bivariate_at, self["B"])
+
+
+def _scalar_code(function: Any, tables: tuple[np.ndarray, ...]) -> ModelCode:
+    """Of a compiled function of two directions, rho_d, rho_s, three factors and the values."""
+    rho, d, f, last = (tables[k].shape for k in (0, 2, 3, 4))
+
+    def call(w_i, w_o, tables, values):
+        function(
+            vector_at(w_i),
+            vector_at(w_o),
+            table_at(tables, 0, rho),
+            table_at(tables, 1, rho),
+            table_at(tables, 2, d),
+            table_at(tables, 3, f),
+            table_at(tables, 4, last),
+            vector_at(values),
+        )
+
+    return ModelCode(call, tables)

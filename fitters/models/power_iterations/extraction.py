@@ -12,7 +12,8 @@ from fitters.grid import Array, bin_centres
 from fitters.materials import Material
 from fitters.materials.synthetic import matte
 from fitters.materials.utia import AnisotropicMaterial, sample_directions
-from fitters.models import MeasuredTable, Model
+from fitters.models.measured import MeasuredTable
+from fitters.models.model import Model
 from fitters.models.power_iterations import anisotropic, backscattering, fresnel, isotropic, reference
 from fitters.models.power_iterations.anisotropic import azimuths
 from fitters.models.power_iterations.anisotropic_model import AnisotropicMicrofacet

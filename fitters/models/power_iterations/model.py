@@ -10,6 +10,7 @@ from fitters import compiled
 from fitters.grid import Array
 from fitters.models.directions import rows
 from fitters.models.model import Model
+from fitters.models.model_code import ModelCode, table_at, vector_at
 from fitters.models.power_iterations.lookups import (
     QUARTER,
     half_vector,
@@ -116,6 +117,27 @@ class TabulatedMicrofacet(Model):
         values = np.empty((len(w_i), 3))
         _evaluate(rows(w_i), rows(w_o), *self.tables, self.published, values)
         return values
+
+    def scalar_code(self) -> ModelCode:
+        t, log_p, rate, p, area, fresnel, scale = (table.shape for table in self.tables)
+        published = self.published
+
+        def call(w_i, w_o, tables, values):
+            evaluate_at(
+                vector_at(w_i),
+                vector_at(w_o),
+                table_at(tables, 0, t),
+                table_at(tables, 1, log_p),
+                table_at(tables, 2, rate),
+                table_at(tables, 3, p),
+                table_at(tables, 4, area),
+                table_at(tables, 5, fresnel),
+                table_at(tables, 6, scale),
+                published,
+                vector_at(values),
+            )
+
+        return ModelCode(call, self.tables)
 
     def sample(self, w_o: Array, u: Array) -> Array:
         density, w_i = self._slopes, np.empty((len(w_o), 3))

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from fitters.grid import CELLS, SHAPE, Array, bin_centres, cell_directions
 from fitters.materials import Material
-from fitters.models import Model
+from fitters.models.model import Model
 
 STRIDES = (3, 3, 12)
 """Of theta_half, theta_diff and phi_diff: some ten thousand cells."""

@@ -1,10 +1,7 @@
-"""Everything that is known to make fits fail, each as a pure function from a seed to a case with a known truth."""
+"""What is known to make fits fail: each hazard makes, from a seed, a case whose truth is known."""
 
-from fitters.stability.hazards import appearance, corruption, coverage, extremes
-from fitters.stability.hazards.hazard import Hazard
+from fitters.stability.hazards import hard_cases, measurement
 
-HAZARDS = {
-    hazard.name: hazard for family in (coverage, appearance, corruption, extremes) for hazard in family.HAZARDS
-}
+HAZARDS = {hazard.name: hazard for family in (measurement, hard_cases) for hazard in family.HAZARDS}
 
-__all__ = ["HAZARDS", "Hazard"]
+__all__ = ["HAZARDS"]

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from fitters.fitting import ConfirmJob, build_problem, confirm
+from fitters.fitting import ConfirmJob, confirm
 from fitters.judging.timing import Timing, closure, coherent, empty, incoherent, measure
 from fitters.materials import Material
 from fitters.models import MeasuredTable, Model
@@ -38,6 +38,6 @@ def timed_fits(configuration: Configuration, contenders: Sequence[Contender]) ->
     untimed = [one for one in contenders if one.fit_seconds is None and one.expression is not None]
     if not untimed:
         return
-    problem, planned = build_problem(problem_recipe(configuration)), plan(configuration)
+    problem, planned = problem_recipe(configuration).build(), plan(configuration)
     for one in untimed:
         yield one.name, confirm(problem, ConfirmJob(planned.job(str(one.expression)))).seconds

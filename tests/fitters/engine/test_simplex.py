@@ -8,8 +8,9 @@ from scipy.optimize import minimize
 
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting.fit import FitSettings, fit
-from fitters.fitting.problem import Cells
+from fitters.fitting.cells import Cells
+from fitters.fitting.fit import fit
+from fitters.fitting.settings import FitSettings
 from fitters.judging.metrics import RESIDUALS
 from tests.random_expressions import random_features
 

@@ -5,16 +5,17 @@ import pytest
 
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import ConfirmJob, DescriptionJob, FitJob, FitSettings, confirm, describe, fit_problem, refit
+from fitters.fitting import ConfirmJob, DescriptionJob, FitJob, FitSettings, Problem, confirm, describe, refit
+from fitters.fitting.cells import Cells
 from fitters.fitting.conditioning import conditioning
-from fitters.fitting.problem import ORDINARY, Cells, of_material
+from fitters.fitting.problem import ORDINARY
 from fitters.fitting.warnings import effective_cells
 
 SETTINGS = FitSettings(starts=32, evaluations=20)
 
 
 def problem_of(material, light):
-    return fit_problem([material], light, metric="light", sample_cells=800, seed=2)
+    return Problem([material], light, metric="light", cells=800, seed=2)
 
 
 def lobe(base=0.05, height=0.5, exponent=20.0, factor=1.0):
@@ -142,10 +143,10 @@ def test_a_fit_does_not_depend_on_the_units(factor, light, make_material):
 
 def test_parts_of_a_problem_keep_their_units(light, make_material):
     plain, scaled = make_material("plain", *lobes()), make_material("scaled", *lobes(1e6))
-    problem = fit_problem([plain, scaled], light, metric="light", sample_cells=800, seed=2)
-    assert of_material(problem, 1).sample.units.tolist() == problem.full.units[3:].tolist()
+    problem = Problem([plain, scaled], light, metric="light", cells=800, seed=2)
+    assert problem.of_material(1).sample.units.tolist() == problem.full.units[3:].tolist()
     assert problem.full.only(np.arange(10)).units is problem.full.units
-    found = described("p0", of_material(problem, 1), {"p0": (1e-6, 100.0)}).fit
+    found = described("p0", problem.of_material(1), {"p0": (1e-6, 100.0)}).fit
     alone = described("p0", problem_of(plain, light), {"p0": (1e-6, 100.0)}).fit
     np.testing.assert_allclose(found.columns["p0"], 1e6 * alone.columns["p0"], rtol=1e-3)
 

@@ -10,8 +10,8 @@ from fitters.errors import FittersError
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import FitSettings, exact_errors, fit, fit_problem, refit
-from fitters.fitting.problem import sample
+from fitters.fitting import FitSettings, Problem, exact_errors, fit, refit
+from fitters.fitting.cells import sample
 from fitters.scenes import LightTable
 from tests.fitters.fitting.conftest import TRUTH, ggx
 from tests.random_expressions import random_tree
@@ -22,7 +22,7 @@ THOROUGH = FitSettings(restarts=8, rounds=3, evaluations=150, tolerance=1e-7)
 
 @pytest.fixture(scope="module")
 def problem(light, shiny):
-    return fit_problem([shiny], light, metric="light", sample_cells=1500, seed=1)
+    return Problem([shiny], light, metric="light", cells=1500, seed=1)
 
 
 def fitted(text, problem, bounds=WIDE, settings=None):
@@ -69,7 +69,7 @@ import numpy as np
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import fit
 from fitters.judging.metrics import RESIDUALS
-from fitters.fitting.problem import Cells
+from fitters.fitting.cells import Cells
 from tests.random_expressions import random_features
 n = 1500
 seen = random_features(np.random.default_rng(5), n)
@@ -170,7 +170,7 @@ def test_a_formula_that_does_not_see_the_cells(problem, text):
 
 def test_a_channel_of_zeros(light, make_material):
     dark = make_material("dark", 0.0, ggx(), 0.0)
-    problem = fit_problem([dark], light, metric="light", sample_cells=500, seed=1)
+    problem = Problem([dark], light, metric="light", cells=500, seed=1)
     found = fitted("p0 * wi.z", problem, {"p0": (0.0, 1.0)})
     assert found.errors[0] == found.errors[2] == 0
     assert found.values[0, 0] == 0
@@ -183,7 +183,7 @@ def test_a_channel_without_light(light, shiny, metric):
     table = light.table.copy()
     table[2] = 0
     red = LightTable(table, (table > 0).any(axis=0), "z" * 32)
-    problem = fit_problem([shiny], red, metric=metric, sample_cells=500, seed=1)
+    problem = Problem([shiny], red, metric=metric, cells=500, seed=1)
     found = fitted("p0 * wi.z", problem)
     assert np.all(np.isfinite(found.errors))
 

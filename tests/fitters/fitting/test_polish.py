@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import FitSettings, exact_errors, fit, fit_problem
+from fitters.fitting import FitSettings, Problem, exact_errors, fit
 from fitters.fitting.polish import polish
 
 
@@ -18,9 +18,7 @@ def problem(light, shiny, make_material):
     def bumpy(w_i, w_o):
         return 0.1 + 0.3 * np.exp(-(((w_i + w_o)[..., 2] - 1.2) ** 2) / 0.02)
 
-    return fit_problem(
-        [shiny, make_material("bumpy", bumpy, bumpy, 0.2)], light, metric="light", sample_cells=800, seed=2
-    )
+    return Problem([shiny, make_material("bumpy", bumpy, bumpy, 0.2)], light, metric="light", cells=800, seed=2)
 
 
 def fitted(name, problem):

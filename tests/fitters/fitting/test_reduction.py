@@ -4,23 +4,20 @@ import numpy as np
 import pytest
 
 from fitters.expressions import parse
-from fitters.fitting import FitSettings, fit, fit_problem
+from fitters.fitting import FitSettings, Problem, fit
 from fitters.fitting.polish import polish
-from fitters.fitting.problem import of_material
 from fitters.fitting.reduction import SHARES, carriers, prices, reduction
 from fitters.grid import SHAPE, cell_index, half_diff
 from fitters.materials.material import from_samples
 from fitters.scenes import LightTable
-from fitters.scenes.uniform import uniform_light
+from fitters.scenes.table import uniform_light
 from tests.fitters.fitting.conftest import LIT, ggx
 
 
 @pytest.fixture(scope="module")
 def problem(light, shiny, make_material):
     one = ggx(p2=0.4)
-    return fit_problem(
-        [shiny, make_material("other", one, one, 0.3)], light, metric="light", sample_cells=500, seed=2
-    )
+    return Problem([shiny, make_material("other", one, one, 0.3)], light, metric="light", cells=500, seed=2)
 
 
 def test_the_uniform_light_is_what_a_white_sphere_reflects():
@@ -55,7 +52,7 @@ def test_cells_are_counted(problem, light):
     assert found.grid == np.prod(SHAPE)
     assert found.lit == LIT == np.count_nonzero(light.lit)
     # What `from_samples` makes is valid wherever both directions are above the horizon.
-    assert found.above == found.measured == np.count_nonzero(problem.source.materials[0].valid)
+    assert found.above == found.measured == np.count_nonzero(problem.materials[0].valid)
     assert found.sampled == len(problem.sample)
 
 
@@ -76,7 +73,7 @@ def test_a_scene_that_sees_one_half_leaves_the_other_open():
     table = uniform_light().table.copy()
     table[:, 42:] = 0.0
     light = LightTable(table, table[0] > 0, "half")
-    problem = fit_problem([material], light, metric="light", sample_cells=400, fine_cells=2000, seed=1)
+    problem = Problem([material], light, metric="light", cells=400, confirm_cells=2000, seed=1)
     expression, bounds = parse("p0"), {"p0": (1e-3, 1e3)}
     found = fit(expression, problem.fine, problem.metric, bounds)
     found = polish(expression, problem.full, problem.metric, bounds, found)
@@ -100,7 +97,7 @@ def _two_halves():
 
 
 def test_a_material_alone_has_its_own_targets_on_the_same_cells(problem):
-    alone = of_material(problem, 1)
+    alone = problem.of_material(1)
     assert alone.materials == ("other",)
     for whole, part in zip(
         (problem.full, problem.fine, problem.sample), (alone.full, alone.fine, alone.sample), strict=True

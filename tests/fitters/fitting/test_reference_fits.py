@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import FitSettings, exact_errors, fit, fit_problem, refit
+from fitters.fitting import FitSettings, Problem, exact_errors, fit, refit
 from fitters.grid import SHAPE
 from fitters.materials.material import from_samples
 from fitters.scenes import LightTable
@@ -39,7 +39,7 @@ def problem():
         for name, samples in surrogates(MATERIALS).items()
     ]
     light = LightTable(table, (table > 0).any(axis=0), "reference")
-    return fit_problem(materials, light, metric="light", sample_cells=16384, seed=1)
+    return Problem(materials, light, metric="light", cells=16384, seed=1)
 
 
 @pytest.mark.parametrize("model", MODELS)

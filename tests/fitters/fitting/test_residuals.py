@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fitters.fitting import RESIDUALS, fit_problem
+from fitters.fitting import RESIDUALS, Problem
 from fitters.judging.metrics import weighted_median
 
 
@@ -84,7 +84,7 @@ def test_targets_combine_by_root_mean_square():
 @pytest.mark.parametrize("name", RESIDUALS)
 def test_the_cells_of_a_problem_carry_the_metric(name, light, shiny):
     """A target's error is || weights f - targets ||, with weights w / s."""
-    problem = fit_problem([shiny], light, metric=name, sample_cells=100, seed=1)
+    problem = Problem([shiny], light, metric=name, cells=100, seed=1)
     index = problem.full.index
     for channel in range(3):
         carried = light.table[channel].ravel()[index].astype(np.float64)

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from fitters.errors import FittersError
-from fitters.fitting import fit_problem
-from fitters.fitting.problem import sample
+from fitters.fitting import Problem
+from fitters.fitting.cells import sample
 
 
 @pytest.fixture(scope="module")
 def full(light, shiny):
-    return fit_problem([shiny], light, metric="light", sample_cells=10, seed=0).full
+    return Problem([shiny], light, metric="light", cells=10, seed=0).full
 
 
 def test_weighted_sums_are_unbiased(full):
@@ -48,9 +48,7 @@ def test_all_cells_are_taken_where_there_are_no_more(full):
 
 
 def test_the_problem_covers_lit_valid_cells_and_targets_in_order(light, shiny, make_material):
-    problem = fit_problem(
-        [shiny, make_material("flat", 1.0, 0.5, 0.1)], light, metric="light", sample_cells=50, seed=1
-    )
+    problem = Problem([shiny, make_material("flat", 1.0, 0.5, 0.1)], light, metric="light", cells=50, seed=1)
     np.testing.assert_array_equal(problem.full.index, np.flatnonzero((light.lit & shiny.valid).ravel()))
     assert problem.targets[:4] == (("shiny", "red"), ("shiny", "green"), ("shiny", "blue"), ("flat", "red"))
     assert problem.full.weights.shape == problem.full.targets.shape == (6, len(problem.full))
@@ -59,12 +57,12 @@ def test_the_problem_covers_lit_valid_cells_and_targets_in_order(light, shiny, m
 def test_materials_must_be_there_and_have_distinct_names(light, shiny):
     for materials in ([], [shiny, shiny]):
         with pytest.raises(FittersError, match="materials"):
-            fit_problem(materials, light, metric="light", sample_cells=50, seed=1)
+            Problem(materials, light, metric="light", cells=50, seed=1)
 
 
 def test_the_hash_of_a_problem_tells_problems_apart(light, shiny):
     keys = {
-        fit_problem([shiny], light, metric=metric, sample_cells=cells, seed=seed).sha256
+        Problem([shiny], light, metric=metric, cells=cells, seed=seed).sha256
         for metric, cells, seed in (("light", 50, 1), ("light", 50, 2), ("light", 60, 1), ("compressive", 50, 1))
     }
     assert len(keys) == 4

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from fitters.errors import FittersError
-from fitters.fitting.problem import lit_source
+from fitters.fitting import model_errors
+from fitters.fitting.problem import Problem
 from fitters.grid import SHAPE, bin_centres, directions
 from fitters.judging.metrics import CARD_METRICS, METRICS, Compared
 from fitters.models import MeasuredTable
-from fitters.models.baselines.judging import judge_at
 
 NAMES = ["light", "cosine-log", "cosine-cube-root"]
 
@@ -47,7 +47,7 @@ def test_both_directions_of_every_valid_cell_count_alike(name, curve, few_cells,
 
 def test_the_light_error_is_the_one_that_baselines_are_judged_by(shiny, light):
     values = (1.2 * shiny.table + 0.01).astype(np.float32)
-    expected = judge_at(lit_source([shiny], light), 0, MeasuredTable(values))["light"]
+    expected = model_errors(Problem([shiny], light), 0, MeasuredTable(values))["light"]
     assert METRICS["light"].errors(Compared(shiny, light, values)) == pytest.approx(expected, rel=1e-5)
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import FitJob, FitSettings, exact_errors, fit_problem, transfer
+from fitters.fitting import FitJob, FitSettings, Problem, exact_errors, transfer
 from tests.fitters.fitting.conftest import TRUTH, ggx
 
 MODULE = sys.modules[transfer.__module__]
@@ -30,7 +30,7 @@ def cache_folder(tmp_path, monkeypatch):
 
 @pytest.fixture
 def problem(light, shiny):
-    return fit_problem([shiny], light, metric="light", sample_cells=256, fine_cells=1024, seed=0)
+    return Problem([shiny], light, metric="light", cells=256, confirm_cells=1024, seed=0)
 
 
 def test_a_formula_finds_what_a_material_was_made_of(problem):
@@ -53,7 +53,7 @@ def test_it_is_fitted_once_and_comes_back_to_the_last_bit(problem, monkeypatch):
     def fitted_again(*anything):
         raise AssertionError("fitted again")
 
-    monkeypatch.setattr(MODULE, "confirm", fitted_again)
+    monkeypatch.setattr(MODULE, "fit_formula", fitted_again)
     second = transfer(problem, job("p0 + p1 * wh.z"))
     assert second.fit.values.tobytes() == first.fit.values.tobytes()
     assert second.fit.errors.tobytes() == first.fit.errors.tobytes()
@@ -71,7 +71,7 @@ def test_whatever_else_is_asked_is_fitted(problem, make_material, light, monkeyp
         fitted.append(task)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(MODULE, "confirm", counted)
+    monkeypatch.setattr(MODULE, "fit_formula", counted)
     if what == "code":
         monkeypatch.setattr(MODULE, "_code", lambda: "mended")
     material = make_material("shiny", ggx(p1=0.7), ggx(), ggx()) if what == "material" else None
@@ -81,8 +81,8 @@ def test_whatever_else_is_asked_is_fitted(problem, make_material, light, monkeyp
         "settings": replace(known, settings=replace(QUICK, starts=65)),
     }.get(what, known)
     metric = "compressive" if what == "metric" else "light"
-    materials = [replace(material, sha256="another")] if material else problem.source.materials
-    other = fit_problem(materials, light, metric=metric, sample_cells=256, fine_cells=1024, seed=0)
+    materials = [replace(material, sha256="another")] if material else problem.materials
+    other = Problem(materials, light, metric=metric, cells=256, confirm_cells=1024, seed=0)
     with pytest.raises(KeyboardInterrupt):
         transfer(other, asked)
     assert fitted

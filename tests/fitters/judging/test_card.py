@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from fitters.expressions import parse
-from fitters.fitting.problem import lit_source
+from fitters.fitting import model_errors
+from fitters.fitting.problem import Problem
 from fitters.grid import CELLS, cell_directions
 from fitters.judging.card import Judge
 from fitters.judging.metrics import CARD_METRICS, IMAGE_METRICS
 from fitters.materials import load_material
 from fitters.models import FormulaModel, MeasuredTable
-from fitters.models.baselines import judge_at
 from fitters.rendering import image_map
 from fitters.scenes import Scene, light_table
 
@@ -40,7 +40,7 @@ def test_half_the_light_is_an_l2_error_of_a_half(judge):
 def test_the_light_error_is_that_of_a_baseline(judge):
     model = FormulaModel(parse("p0"), np.full((3, 1), 0.1))
     card, _ = judge.card(model)
-    errors = judge_at(lit_source([judge.material], judge.light), 0, model)["light"]
+    errors = model_errors(Problem([judge.material], judge.light), 0, model)["light"]
     assert card.metrics["light"] == pytest.approx(np.sqrt(np.mean(np.square(errors))), rel=1e-5)
 
 

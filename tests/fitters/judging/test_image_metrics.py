@@ -10,9 +10,9 @@ from skimage.color import deltaE_ciede2000, rgb2lab
 
 from fitters.errors import FittersError
 from fitters.judging.metrics import IMAGE_METRICS
-from fitters.judging.metrics.colour_difference import delta_e_itp, ictcp, lab_difference
+from fitters.judging.metrics.images import delta_e_itp, ictcp, lab_difference
 from fitters.rendering import Picture
-from fitters.rendering.display import MIDDLE_GREY, displayed, exposure, srgb
+from fitters.rendering.picture import MIDDLE_GREY, displayed, exposure, srgb
 
 SIZE = 48
 SHOWN = ["1-ssim", "delta-e-2000", "flip"]

@@ -7,11 +7,11 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import FitSettings, fit, fit_problem
+from fitters.fitting import FitSettings, Problem, fit
 from fitters.grid import CELLS, SHAPE, above_horizon
 from fitters.materials import load_material
-from fitters.models import MeasuredTable, factors, power_iterations
-from fitters.models.baselines import formula_model
+from fitters.models import Fitted, MaterialFit, MeasuredTable, factors, power_iterations
+from fitters.models.formula import formula_models
 from fitters.scenes import LightTable
 from tests.fitters.models.power_iterations.closed_forms import Surface
 
@@ -47,10 +47,10 @@ def _formula(expression, bounds, material):
     table[:, lit] = 1e-3
     table = table.reshape(3, *SHAPE)
     light = LightTable(table, (table > 0).any(axis=0), "c" * 32)
-    problem = fit_problem([material], light, metric="compressive", sample_cells=1000, seed=0)
+    problem = Problem([material], light, metric="compressive", cells=1000, seed=0)
     began = time.perf_counter()
     found = fit(expression, problem.sample, problem.metric, bounds, FitSettings(starts=64))
-    return formula_model(expression, found, 0, time.perf_counter() - began)
+    return formula_models(expression, found, time.perf_counter() - began)[0]
 
 
 @pytest.fixture(scope="session")
@@ -70,3 +70,8 @@ def fitted():
 @pytest.fixture(params=MODELS, ids=lambda pair: f"{pair[0]} of {pair[1].removeprefix('builtin:')}")
 def model(request, fitted):
     return fitted(*request.param)
+
+
+def save(model, path):
+    """Saves a model as a fit of it to one material would be."""
+    Fitted(model.kind, {"material": MaterialFit(model)}, "", {}, {}, model.fit_seconds).save(path)

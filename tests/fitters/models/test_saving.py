@@ -4,15 +4,14 @@ import numpy as np
 import pytest
 
 from fitters.errors import FittersError
-from fitters.models.baselines import KINDS
-from fitters.models.saving import load, save
-from tests.fitters.models.conftest import FITS, GLOSSY
+from fitters.models import KINDS, load
+from tests.fitters.models.conftest import FITS, GLOSSY, save
 from tests.fitters.models.sphere import random_directions
 
 
 def test_a_saved_model_is_the_same_model(model, tmp_path):
     save(model, tmp_path / "model.npz")
-    loaded = load(tmp_path / "model.npz", KINDS)
+    loaded = load(tmp_path / "model.npz").model
     w_i, w_o = random_directions(500, 1), random_directions(500, 2)
     u = np.random.default_rng(1).random((500, 3))
     assert type(loaded) is type(model)
@@ -39,7 +38,7 @@ def saved(fitted, tmp_path):
 
 def refusal(path):
     with pytest.raises(FittersError) as caught:
-        load(path, KINDS)
+        load(path)
     return str(caught.value)
 
 

@@ -9,7 +9,7 @@ from fitters.grid import CELLS, cell_directions, cell_index, half_diff
 from fitters.materials import load_material
 from fitters.models import FormulaModel
 from fitters.rendering import ImageMap, image_map
-from fitters.rendering.image_map import mapped
+from fitters.rendering.maps import mapped
 from fitters.rendering.shared_exponent import packed_row, unpacked
 from fitters.scenes import EnvironmentMap, Scene, light_table
 from fitters.scenes.geometry import Geometry, sphere

@@ -9,7 +9,7 @@ import pytest
 from fitters.errors import FittersError
 from fitters.materials import load_material
 from fitters.rendering import image_map
-from fitters.rendering.image_map import mapped
+from fitters.rendering.maps import mapped
 from fitters.scenes import Scene, geometries, light_table, load_light, sampled
 from fitters.scenes.geometries import load_geometry
 from fitters.scenes.geometry import sphere

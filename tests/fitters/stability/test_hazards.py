@@ -7,8 +7,8 @@ from fitters.grid import SHAPE, cell_directions
 from fitters.scenes.lights import load_light
 from fitters.stability.case import metal, studio
 from fitters.stability.hazards import HAZARDS
-from fitters.stability.hazards.corruption import NOISE, SPIKES
-from fitters.stability.hazards.extremes import SCALES
+from fitters.stability.hazards.hard_cases import SCALES
+from fitters.stability.hazards.measurement import NOISE, SPIKES
 
 
 @pytest.fixture(scope="module")

@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
+from fitters.fitting import Problem, model_errors
 from fitters.materials import load_anisotropic, load_material
-from fitters.models.baselines import KINDS, judge_anisotropic
-from fitters.models.saving import load
+from fitters.models import load
 from tests.fitters.models.power_iterations.closed_forms import Surface, direction
 from tests.gpsearch.small import gpsearch
 
@@ -65,7 +65,7 @@ def test_the_saved_arrays_have_the_paper_s_names(folder, naive):
     with np.load(folder / "naive.npz") as stored:
         shapes = {name: stored[name].shape for name in ("rho_d", "rho_s", "D", "F", "H")}
     assert shapes == {"rho_d": (3,), "rho_s": (3,), "D": (90, 3), "F": (90, 3), "H": (180, 3)}
-    model = load(folder / "naive.npz", KINDS)
+    model = load(folder / "naive.npz").model
     assert (model.kind, model.floats) == ("npf-naive", naive["floats"])
     assert model.fit_seconds == pytest.approx(naive["fit_seconds"], abs=1e-3)
 
@@ -135,8 +135,8 @@ def test_an_anisotropic_measurement_is_judged_over_its_samples(folder):
     np.testing.assert_allclose(
         found["alpha_beckmann"][:2], Surface("beckmann", 0.6, 0.4, 0.5).alphas[:2], rtol=0.05
     )
-    model = load(folder / "cloth.npz", KINDS)
-    errors = judge_anisotropic(load_anisotropic("cloth.bin", base=folder), model)
+    model = load(folder / "cloth.npz").model
+    errors = model_errors(Problem([load_anisotropic("cloth.bin", base=folder)]), 0, model)["cosine"]
     assert found["errors"]["cloth"] == pytest.approx(errors)
     with np.load(folder / "cloth.npz") as stored:
         assert {"P", "D", "G1", "F", "phi", "theta", "theta_k", "theta_d"} <= set(stored.files)
@@ -151,7 +151,7 @@ def test_an_anisotropic_model_takes_an_isotropic_material_too(folder):
 def test_a_formula_is_saved_with_its_parameters(folder):
     found = reported(folder, "lambert", METAL, "--save", "lambert.npz")
     assert found["material"] == "metal"
-    model = load(folder / "lambert.npz", KINDS)
+    model = load(folder / "lambert.npz").model
     up = np.array([[0.0, 0.0, 1.0]])
     np.testing.assert_allclose(np.pi * model.evaluate(up, up)[0], found["parameters"]["p0"]["metal"])
 
@@ -159,7 +159,7 @@ def test_a_formula_is_saved_with_its_parameters(folder):
 def test_a_file_that_is_there_is_replaced(folder, naive):
     (folder / "again.npz").write_text("something else")
     assert gpsearch("fit", "bivariate", METAL, "--save", "again.npz", cwd=folder).returncode == 0
-    assert load(folder / "again.npz", KINDS).kind == "bivariate"
+    assert load(folder / "again.npz").model.kind == "bivariate"
 
 
 @pytest.mark.parametrize(

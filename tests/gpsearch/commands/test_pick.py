@@ -8,12 +8,12 @@ import pytest
 import yaml
 
 from fitters.expressions import parse
-from fitters.fitting.problem import lit_source
+from fitters.fitting import model_errors
+from fitters.fitting.problem import Problem
 from fitters.judging.card import Judge
 from fitters.judging.metrics import CARD_METRICS
 from fitters.materials.synthetic import load
 from fitters.models import FormulaModel
-from fitters.models.baselines import judge_at
 from fitters.models.factors import BivariateTable
 from fitters.scenes import Scene, light_table
 from gpsearch.judging.offers import View
@@ -79,7 +79,7 @@ def test_the_parameters_of_the_pick_have_the_errors_and_the_count_that_it_says(w
     pick = of(within_limit, names)
     light = light_table(Scene("studio", resolution=16, light_rows=8))
     for name, model in formula_models(pick, names).items():
-        error = np.sqrt(np.mean(np.square(judge_at(lit_source([load(name)], light), 0, model)["light"])))
+        error = np.sqrt(np.mean(np.square(model_errors(Problem([load(name)], light), 0, model)["light"])))
         assert error == pytest.approx(pick["values"][name]["light"], rel=1e-9)
         assert LIMIT - error == pytest.approx(pick["margins"][name]["light"], rel=1e-6)
         assert error <= LIMIT

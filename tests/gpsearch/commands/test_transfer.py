@@ -11,8 +11,7 @@ from fitters.expressions import parse
 from fitters.judging.card import Judge
 from fitters.materials import load_material
 from fitters.materials.merl import write_merl
-from fitters.models import FormulaModel
-from fitters.models.baselines import kept_baseline
+from fitters.models import MODELS, FormulaModel
 from gpsearch.exports import front_json
 from gpsearch.judging import scenes
 from gpsearch.judging.scenes import scene_of
@@ -99,7 +98,7 @@ def test_pictures_are_judged_as_cards_judge_them(report, folder):
         judge = Judge(scene.image(), scene.light(), material)
         for model in (m for m in report["models"] if m["name"] in known):
             entry = known[model["name"]]
-            made = kept_baseline("bivariate", material).model
+            made = MODELS["bivariate"].kept(material).model
             if "expression" in entry:
                 expression = parse(entry["expression"])
                 values = entry["parameters"] if name in TRAIN else entry["test"]["parameters"]

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.fitting import FitSettings
-from fitters.models.baselines import TABULATED
+from fitters.models import BASELINES
 from fitters.scenes import Scene
 from gpsearch.configuration import (
     DaskExecutorSection,
@@ -85,7 +85,7 @@ def test_a_scene_file_may_be_looked_at_in_part(load, tmp_path):
 
 
 def test_baselines_are_formulas_and_reference_fits(load):
-    names = (*CATALOGUE, *TABULATED)
+    names = BASELINES
     assert load(f"baselines: [{', '.join(names)}]").baselines == names
 
 

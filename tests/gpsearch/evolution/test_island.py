@@ -17,8 +17,7 @@ from scipy import stats
 
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from gpsearch.evolution.island import Breeding, Individual, Island, advance, migrate, survive
-from gpsearch.evolution.seeds import Role, generator
+from gpsearch.evolution.island import Breeding, Individual, Island, Role, advance, generator, migrate, survive
 from gpsearch.genomes import Genome, Mutation, Replace, codebank, reify
 
 FORMULAS = [CATALOGUE[name].expression for name in ("phong", "blinn-phong", "cook-torrance")]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fitters.fitting import RESIDUALS
-from fitters.models.baselines import Judged
+from fitters.models import FitSummary
 from gpsearch.exports.transfers import transfer_entry
 from gpsearch.run import Transfer
 
@@ -38,7 +38,7 @@ def test_where_a_fit_is_not_finite_or_not_there_the_error_of_all_is_null(other):
 
 def test_a_table_has_no_parameters_and_says_why_it_is_not_there():
     infinite = dict.fromkeys(RESIDUALS, (math.inf,) * 3)
-    judged = Judged(infinite, 0, 1.0, 0.0, ("metal: no cell with theta_diff below 1 degree is valid",))
+    judged = FitSummary(infinite, 0, 1.0, 0.0, ("metal: no cell with theta_diff below 1 degree is valid",))
     test = transfer_entry({"metal": Transfer.of_table(judged, "light")}, "light", None)["test"]
     assert "parameters" not in test
     assert test["errors"] == {"metal": [None] * 3}
@@ -47,7 +47,7 @@ def test_a_table_has_no_parameters_and_says_why_it_is_not_there():
 
 def test_a_tables_error_by_a_metric_is_that_of_its_channels():
     errors = dict.fromkeys(RESIDUALS, (0.1, 0.2, 0.4))
-    transfer = Transfer.of_table(Judged(errors, 9, 1.0, 5.0, ()), "compressive")
+    transfer = Transfer.of_table(FitSummary(errors, 9, 1.0, 5.0, ()), "compressive")
     assert transfer.errors == (0.1, 0.2, 0.4)
     assert transfer.metrics["compressive"] == pytest.approx(np.sqrt((0.01 + 0.04 + 0.16) / 3))
     assert transfer.metrics["light-sum"] == pytest.approx(np.sqrt(0.01 + 0.04 + 0.16))

@@ -45,8 +45,8 @@ def test_whatever_edits_and_crossovers_make_is_an_expression_of_the_allowed_para
         assert set(expression.parameters) <= {"p0", "p1", "p2", "p3"}
         made = draft(genome)
         assert len(made.symbols) == expression.nodes
-        assert made.fits(expression.nodes)
-        assert not made.fits(expression.nodes - 1)
+        assert made.within_limits(expression.nodes)
+        assert not made.within_limits(expression.nodes - 1)
 
 
 @QUICKLY

@@ -72,9 +72,9 @@ def test_a_curve_ends_at_the_stored_front(watched):
 def test_a_curve_is_what_the_search_told_on_its_way(watched):
     run, watcher, _ = watched
     (curve,) = curves([run])
-    assert len(watcher.standings) == 6
-    for standing in watcher.standings:
-        step, front = curve.at(standing.seconds), standing.front
+    assert len(watcher.statuses) == 6
+    for status in watcher.statuses:
+        step, front = curve.at(status.seconds), status.front
         assert (step.error, step.members) == (front.members[-1].error, len(front.members))
 
 

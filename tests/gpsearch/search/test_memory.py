@@ -1,4 +1,4 @@
-"""What an island remembers: fits by canonical form, the bar that they failed, and parents' parameters."""
+"""What an island remembers: fits by canonical form, the bar that they did not reach, and parents' parameters."""
 
 import math
 
@@ -11,7 +11,7 @@ from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Fit
 from gpsearch.run import Known
-from gpsearch.search.memory import Memory, Shared
+from gpsearch.search.memory import Memory, SharedKnowledge
 
 ISLAND = 3
 
@@ -32,7 +32,7 @@ def nothing_stored(fits):
 
 @pytest.fixture
 def memory():
-    return Memory(ISLAND, Shared())
+    return Memory(ISLAND, SharedKnowledge())
 
 
 def test_a_finished_fit_counts_under_every_bar(memory):
@@ -53,26 +53,26 @@ def test_a_fit_that_was_given_up_counts_where_the_bar_is_no_higher(memory):
 
 
 def test_the_smallest_size_that_occurred_counts(memory):
-    assert memory.seen("p0") == math.inf
-    memory.shared.see([("p0", 7), ("p0", 9)])
-    assert memory.seen("p0") == 7
+    assert memory.smallest("p0") == math.inf
+    memory.shared.add_sizes([("p0", 7), ("p0", 9)])
+    assert memory.smallest("p0") == 7
     memory.end_generation([], {"p0": 5})
-    assert memory.seen("p0") == 5
+    assert memory.smallest("p0") == 5
 
 
 @given(st.permutations(range(5)))
 def test_islands_join_what_they_know_in_any_order(order):
-    """Of one form, a fit carried through counts more than one given up, and of equals the older one."""
-    memories = [Memory(island, Shared()) for island in range(5)]
+    """Of one form, a finished fit counts more than one given up, and of equals the older one."""
+    memories = [Memory(island, SharedKnowledge()) for island in range(5)]
     for memory, (bar, generation) in zip(
         memories, [(0.3, 1), (math.inf, 4), (math.inf, 2), (0.9, 1), (math.inf, 2)], strict=True
     ):
         memory.learn("p0", fit(finished=bar == math.inf), bar, generation)
         memory.end_generation([], {"p0": 10 - memory.island})
-    shared = Shared()
+    shared = SharedKnowledge()
     shared.join(memories[i] for i in order)
-    assert (shared.known["p0"].island, shared.known["p0"].generation) == (2, 2)
-    assert shared.seen == {"p0": 6}
+    assert (shared.fits["p0"].island, shared.fits["p0"].generation) == (2, 2)
+    assert shared.sizes == {"p0": 6}
 
 
 def test_an_island_does_not_know_what_others_found_since(memory):
@@ -125,7 +125,7 @@ def test_a_fit_does_not_change_the_warm_starts_of_its_generation(memory):
 
 def test_parents_are_kept_or_fetched_and_others_forgotten(memory):
     kept, fetched = "p0 * wh.z", "p1 + wi.z"
-    memory.shared.known[form(fetched).text] = Known(0.5, island=1, generation=2)
+    memory.shared.fits[form(fetched).text] = Known(0.5, island=1, generation=2)
     memory.learn(form(kept).text, fit(values=[[5.0]]), math.inf, 6)
     memory.learn("sin(p0)", fit(values=[[6.0]]), math.inf, 6)
     memory.end_generation([], {})

@@ -60,7 +60,7 @@ def test_blinn_phong_is_found_from_phong(folder, tmp_path, seed):
     def stop_when_found(event: str) -> None:
         if event.startswith("stored"):
             found.extend(
-                m for m in watcher.standings[-1].front.members if m.error < 1e-4 and is_power(m.expression)
+                m for m in watcher.statuses[-1].front.members if m.error < 1e-4 and is_power(m.expression)
             )
         if found:
             raise Found

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from fitters.expressions import parse
-from fitters.fitting import Candidate, Fit, FitProblem, screen
+from fitters.fitting import Candidate, Fit, Problem, screen
 from gpsearch.exports import front_json
 from gpsearch.run import Known, Store
 from gpsearch.search.plan import Plan, plan
@@ -24,7 +24,7 @@ from workers.local import LocalExecutor
 TARGETS = 3
 
 
-def bad_screen(problem: FitProblem, candidate: Candidate, *, victims: dict[str, str], **settings) -> Fit:
+def bad_screen(problem: Problem, candidate: Candidate, *, victims: dict[str, str], **settings) -> Fit:
     """As `screen`, but for the victims, each of which fails in its way."""
     match victims.get(candidate.expression):
         case "crash":

@@ -254,17 +254,17 @@ def test_the_watcher_hears_of_every_generation_once_it_is_stored(tmp_path):
     def then(event: str) -> None:
         if event.startswith("stored"):
             reader = Store.open(tmp_path / "run")
-            heard.append((watcher.standings[-1], reader.totals(), len(reader.front().members)))
+            heard.append((watcher.statuses[-1], reader.totals(), len(reader.front().members)))
             reader.close()
 
     watcher = Watching(then)
     run_search(tmp_path / "run", small(tmp_path), watcher)
-    assert [standing.generation for standing, *_ in heard] == [1, 2, 3, 4]
-    for standing, totals, size in heard:
-        assert totals == (standing.generation, standing.candidates, standing.fitted)
-        assert standing.candidates == 16 * standing.generation
-        assert size == len(standing.front.members)
-    errors = [standing.front.members[-1].error for standing, *_ in heard]
+    assert [status.generation for status, *_ in heard] == [1, 2, 3, 4]
+    for status, totals, size in heard:
+        assert totals == (status.generation, status.candidates, status.fitted)
+        assert status.candidates == 16 * status.generation
+        assert size == len(status.front.members)
+    errors = [status.front.members[-1].error for status, *_ in heard]
     assert errors == sorted(errors, reverse=True)
 
 

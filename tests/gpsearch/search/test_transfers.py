@@ -11,11 +11,10 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import RESIDUALS, build_problem, transfer
-from fitters.fitting.problem import lit_source
+from fitters.fitting import RESIDUALS, model_errors, transfer
+from fitters.fitting.problem import Problem
 from fitters.materials import load_material
-from fitters.models import FormulaModel
-from fitters.models.baselines import judge_at, kept_baseline
+from fitters.models import MODELS, FormulaModel
 from fitters.scenes import Scene, light_table
 from gpsearch.configuration import Configuration
 from gpsearch.exports import front_json, schema
@@ -104,8 +103,8 @@ def test_what_is_stated_of_test_materials_is_what_their_parameters_give(folder):
                 columns = [test["parameters"][symbol][name] for symbol in expression.parameters]
                 model = FormulaModel(expression, np.array(columns).T.reshape(3, len(columns)))
             else:
-                model = kept_baseline(entry["name"], material).model
-            errors = judge_at(lit_source([material], light), 0, model)["light"]
+                model = MODELS[entry["name"]].kept(material).model
+            errors = model_errors(Problem([material], light), 0, model)["light"]
             assert errors == pytest.approx(test["errors"][name], rel=1e-6)
             squares += [error**2 for error in errors]
         assert test["error"] == pytest.approx(np.sqrt(np.mean(squares)), rel=1e-6)
@@ -120,8 +119,8 @@ def test_errors_over_materials_combine_as_those_of_targets_do(folder):
     errors = []
     for name in TESTS:
         material = load_material(f"builtin:{name}")
-        model = kept_baseline("bivariate", material).model
-        errors += judge_at(lit_source([material], light), 0, model)["light-sum"]
+        model = MODELS["bivariate"].kept(material).model
+        errors += model_errors(Problem([material], light), 0, model)["light-sum"]
     assert entry["test"]["metrics"]["light-sum"] == pytest.approx(np.sqrt(np.sum(np.square(errors))), rel=1e-9)
 
 
@@ -132,7 +131,7 @@ def test_the_refit_to_a_training_material_has_the_error_of_the_training(folder):
     assert jobs["lambert"].intervals == CATALOGUE["lambert"].bounds
     for entry in exported(folder / "run")["front"]:
         for name in TRAINING:
-            problem = build_problem(problem_recipe(configured(folder)).of(f"builtin:{name}"))
+            problem = problem_recipe(configured(folder)).of(f"builtin:{name}").build()
             again = transfer(problem, jobs[entry["expression"]])
             known = RESIDUALS["light"].combine(np.array(entry["errors"][name]))
             assert again.fit.error == pytest.approx(known, rel=0.02)

@@ -14,11 +14,10 @@ from fitters.fitting import (
     ConfirmJob,
     DescriptionJob,
     FitJob,
-    FitProblem,
     FitSettings,
+    Problem,
     confirm,
     describe,
-    fit_problem,
 )
 from fitters.fitting.culling import Culled, CullJob, cull
 from fitters.grid import cell_directions
@@ -46,18 +45,18 @@ def noisy(values, seed: int):
     return made
 
 
-def problem_of(light, material) -> FitProblem:
-    return fit_problem([material], light, metric="light", sample_cells=600, fine_cells=1500, seed=1)
+def problem_of(light, material) -> Problem:
+    return Problem([material], light, metric="light", cells=600, confirm_cells=1500, seed=1)
 
 
 @pytest.fixture(scope="module")
-def lobe(light, make_material) -> FitProblem:
+def lobe(light, make_material) -> Problem:
     """A material that is the formula `LOBE`, with other parameters in every channel."""
     return problem_of(light, make_material("lobe", *(values_of(LOBE, parameters) for parameters in LOBES)))
 
 
 @pytest.fixture(scope="module")
-def rough(light, make_material) -> FitProblem:
+def rough(light, make_material) -> Problem:
     """GGX of three roughnesses, measured with noise."""
     ggx = "p0 + p1 * p2 * p2 / pow(wh.z * wh.z * (p2 * p2 - 1) + 1, 2) / sqrt(wi.z + wo.z)"
     channels = [
@@ -66,16 +65,16 @@ def rough(light, make_material) -> FitProblem:
     return problem_of(light, make_material("rough", *channels))
 
 
-def job_of(problem: FitProblem, text: str, tolerance: float) -> CullJob:
+def job_of(problem: Problem, text: str, tolerance: float) -> CullJob:
     """A formula fitted and described, ready to be culled; its parameters have the search's bounds."""
     bounds = tuple((f"p{i}", 1e-6, 1e5) for i in range(4))
     job = FitJob((text,), bounds, QUICK)
     return CullJob(job, describe(problem, DescriptionJob(job, confirm(problem, ConfirmJob(job)).fit)), tolerance)
 
 
-def plain_error(problem: FitProblem, expression: Expression, found) -> float:
+def plain_error(problem: Problem, expression: Expression, found) -> float:
     """|| T (f - m) || / || T m ||, the root mean square over channels, from measurement and light alone."""
-    (material,), light = problem.source.materials, problem.source.light
+    (material,), light = problem.materials, problem.light
     cells = np.flatnonzero((light.lit & material.valid).ravel())
     w_i, w_o = (w[cells] for w in cell_directions())
     squares = []
@@ -182,7 +181,7 @@ def test_a_parameter_that_is_the_same_everywhere_becomes_a_number(light, make_ma
 def test_a_number_is_rounded_where_that_costs_nothing(light, make_material):
     text = "p0 + p1 * pow(wh.z, {})"
 
-    def made(exponent: float) -> FitProblem:
+    def made(exponent: float) -> Problem:
         truth = text.format(exponent)
         channels = [noisy(values_of(truth, parameters), i) for i, parameters in enumerate(LOBES)]
         return problem_of(light, make_material(f"exponent {exponent}", *channels))
@@ -202,7 +201,7 @@ def test_parameters_are_numbered_without_gaps(lobe):
     assert culled.description.fit.names == ("p0", "p1", "p2")
 
 
-def errors_of(problem: FitProblem, *texts: str) -> list[float]:
+def errors_of(problem: Problem, *texts: str) -> list[float]:
     return [job_of(problem, text, 0.0).description.fit.error for text in texts]
 
 

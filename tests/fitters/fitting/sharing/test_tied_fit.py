@@ -78,8 +78,8 @@ def test_errors_are_those_of_the_shared_values(noisy):
     found = fitted(noisy, "channel", "material", "set")
     w_i, w_o = (w[problem.full.index] for w in cell_directions())
     for target in range(6):
-        material, channel = problem.source.materials[target // 3], target % 3
-        light = problem.source.light.table[channel].ravel()[problem.full.index]
+        material, channel = problem.materials[target // 3], target % 3
+        light = problem.light.table[channel].ravel()[problem.full.index]
         measured = material.table[channel].ravel()[problem.full.index]
         values = evaluate(LOBE, found.parameters(target), w_i, w_o)
         error = np.linalg.norm(light * (values - measured)) / np.linalg.norm(light * measured)

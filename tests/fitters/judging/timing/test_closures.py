@@ -8,7 +8,7 @@ from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import features
 from fitters.grid import SHAPE, cell_directions
 from fitters.judging.timing import closure, empty, measure
-from fitters.judging.timing.directions import coherent, incoherent
+from fitters.judging.timing.harness import coherent, incoherent
 from fitters.materials import load_material
 from fitters.models import FormulaModel, MeasuredTable, power_iterations
 from fitters.models.factors import BivariateTable, MicrofacetFactors, NaiveFactors

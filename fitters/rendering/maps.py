@@ -1,9 +1,10 @@
-"""The image of a scene as a linear map from cells to pixels: built once per scene, any model is one product."""
+"""The image of a scene as a linear map from cells to pixels, built once per scene: an image is one product."""
 
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from fitters import cache, compiled
 from fitters.errors import FittersError
 from fitters.grid import CELLS, SHAPE, Array, cell_directions
 from fitters.materials import Material
-from fitters.models import Model
 from fitters.rendering.kernel import AZIMUTHS, BLOCK, SPREAD, STEPS, pixel_rows
 from fitters.rendering.picture import Picture
 from fitters.rendering.shared_exponent import STEPS as MANTISSA_STEPS
@@ -24,6 +24,9 @@ from fitters.scenes.lights import load_light
 from fitters.scenes.pyramid import pyramid
 from fitters.scenes.scene import Scene
 
+if TYPE_CHECKING:
+    from fitters.models import Model
+
 VERSION = 2
 """Part of the content hash: raise it whenever the same scene would give another map."""
 
@@ -33,19 +36,19 @@ CHUNK = 256
 
 @dataclass(frozen=True, eq=False)
 class ImageMap:
-    """What every pixel of an image sees of every cell, six bytes for a pixel and a cell.
+    """The weight of every cell in every pixel of an image, six bytes for a pixel and a cell.
 
     cells:    (k,) flat indices of the cells that some pixel sees, rising
     pointers: (90 p + 1,) where the entries of a pixel and a bin of theta_half begin
     codes:    (n,) uint16, the cell of an entry among those of its bin of theta_half
-    words:    (n,) uint32, L cos(theta_i) d omega of the light that a pixel sees in a cell, packed
-    scales:   (p,) by which the weights of a pixel count
+    words:    (n,) uint32, L cos(theta_i) d omega of the light that a pixel sees in a cell, in a packed form
+    scales:   (p,) by which the weights of a pixel are multiplied
     pixels:   (p,) flat indices into the image, row 0 at the top
     facing:   (p,) cosines of the angles between a pixel's normal and its view
     shape:    (rows, columns) of the image
 
     Radiance is linear in the BRDF: L_o = sum over cells of weight times f, at the pixels' centres. Texels of the
-    light are constant, and so is a BRDF in a cell, as a measurement is.
+    light are constant, and the BRDF is constant in a cell, as a measurement is.
     """
 
     cells: NDArray[np.int64]
@@ -59,7 +62,7 @@ class ImageMap:
     sha256: str
 
     def row(self, pixel: int) -> tuple[NDArray[np.int64], Array]:
-        """Cells (n,), rising, that the pixel of this place in `pixels` sees, and weights (n, 3)."""
+        """Cells (n,), rising, that the pixel at an index of `pixels` sees, and their weights (n, 3)."""
         edges = self.pointers[pixel * SHAPE[0] : (pixel + 1) * SHAPE[0] + 1]
         blocks = np.repeat(np.arange(SHAPE[0]) * BLOCK, np.diff(edges))
         inside = slice(edges[0], edges[-1])
@@ -86,8 +89,8 @@ class ImageMap:
         """The image with a measurement; cells that were not measured are black."""
         return self.picture(material.table.reshape(3, CELLS)[:, self.cells].T)
 
-    def of_model(self, model: Model, material: Material) -> Picture:
-        """The image with a model of a material; as the measurement, black where that has no value."""
+    def of_model(self, model: "Model", material: Material) -> Picture:
+        """The image with a model of a material; cells where the material was not measured are black."""
         values = np.zeros((len(self.cells), 3))
         valid = material.valid.ravel()[self.cells]
         w_i, w_o = cell_directions()
@@ -96,16 +99,16 @@ class ImageMap:
         return self.picture(values)
 
     def unmeasured(self, material: Material) -> float:
-        """The share of a white surface's image that lies in cells where the material was not measured."""
+        """The share of the light in a white surface's image from cells where the material was not measured."""
         ones = np.ones((len(self.cells), 3))
         total = self.radiance(ones).sum()
         return 1.0 - float(self.radiance(ones * material.valid.ravel()[self.cells, None]).sum() / total)
 
 
 def image_map(scene: Scene, *, base: Path | None = None) -> ImageMap:
-    """The image map of a scene, from the disk cache where it is there; relative paths are found in `base`.
+    """The image map of a scene, made once and then kept in the disk cache; relative paths count from `base`.
 
-    Deterministic. A pixel sees some 8,000 cells, which makes 350 MB for 96 pixels across.
+    Deterministic. A pixel sees about 8,000 cells, which makes 350 MB for 96 pixels across.
     """
     light = load_light(scene.light, base=base).rotated(float(scene.rotation % 360))
     geometry = load_geometry(scene, base=base)
@@ -126,8 +129,8 @@ def mapped(
 ) -> dict[str, np.ndarray]:
     """The arrays of an image map by name: `cells`, `pointers`, `codes`, `words`, `scales`.
 
-    What `geometry` sees of the light is known at `light_rows` rows. The numbers say how fine it is, as in
-    `fitters.rendering.kernel`.
+    The visible light of `geometry` is known at `light_rows` rows. `fitters.rendering.kernel` explains `steps`,
+    `azimuths` and `spread`.
     """
     levels = pyramid(light)
     visible = np.ones((1, 1), bool) if geometry.visible is None else geometry.visible
@@ -157,7 +160,7 @@ def mapped(
 
 @compiled.entry()
 def _seen(pointers: NDArray[np.int64], codes: NDArray[np.uint16]) -> NDArray[np.int64]:
-    """Flat indices of the cells that occur, rising."""
+    """Flat indices of the cells that some pixel sees, rising."""
     occurs = np.zeros(CELLS, np.bool_)
     for block in range(len(pointers) - 1):
         for entry in range(pointers[block], pointers[block + 1]):
