@@ -10,20 +10,19 @@ from fitters.grid import CELLS, CHANNELS
 from gpsearch.commands.described import described
 from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, make_folder, print_json, run_argument
-from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
-from gpsearch.judging import contenders
-from gpsearch.judging.contenders import materials_of
+from gpsearch.judging.contenders import load_contenders, materials_of
 from gpsearch.pictures.chart import (
     Chart,
     chart_of,
-    entry,
+    table_row,
     timed_fits,
     timings,
     write_page,
     write_pictures,
     write_table,
 )
+from gpsearch.run import Result
 
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")
 
@@ -38,15 +37,15 @@ def chart(run: Path, output: Path | None, as_json: bool) -> None:
     All are timed on this machine by one harness. Where there are test materials, the error on them stands beside
     the other. Writes chart.png, chart.svg, chart.html and chart.csv.
     """
-    exported, configuration = described(run)
-    if not exported["front"]:
+    result = described(run)
+    if not result.formulas:
         raise GpsearchError(
             f"{run}: its front is empty, the run was stopped before it had found anything; `gpsearch launch` with "
             "its configuration goes on with it"
         )
     folder = output or run
     make_folder(folder)
-    found = _measured(exported, configuration)
+    found = _measured(result)
     paths = {Path(name).suffix[1:]: folder / name for name in FILES}
     write_pictures(found, (paths["png"], paths["svg"]))
     write_page(found, paths["html"])
@@ -58,26 +57,27 @@ def chart(run: Path, output: Path | None, as_json: bool) -> None:
         click.echo(_text(found, paths))
 
 
-def _measured(exported: dict[str, Any], configuration: Configuration) -> Chart:
+def _measured(result: Result) -> Chart:
     console = Console(stderr=True, markup=False, emoji=False, highlight=False)
     with console.status("loading materials and tables"):
-        first = materials_of(configuration)[0]
-        competing = contenders(exported, [first])
+        first = materials_of(result.source)[0]
+        competing = load_contenders(result, [first])
     with console.status("timing evaluations"):
         incoherent, coherent, empty = timings(competing, first)
-    fits = timed_fits(configuration, competing)
-    seconds = dict(counted(fits, len(exported["front"]), "timing fits"))
-    return chart_of(exported["run"], competing, seconds, incoherent, coherent, empty, len(CHANNELS) * CELLS)
+    fits = timed_fits(result.source, competing)
+    seconds = dict(counted(fits, len(result.formulas), "timing fits"))
+    return chart_of(result.run, competing, seconds, incoherent, coherent, empty, len(CHANNELS) * CELLS)
 
 
 def _report(found: Chart, paths: dict[str, Path]) -> dict[str, Any]:
+    run = found.run
     return {
-        "run": found.run,
-        "metric": found.metric,
-        "materials": list(found.materials),
-        **({"test_materials": list(found.tests)} if found.tests else {}),
+        "run": run.name,
+        "metric": run.metric,
+        "materials": list(run.materials),
+        **({"test_materials": list(run.test_materials)} if run.test_materials else {}),
         "empty_ns": round(found.empty.ns, 2),
-        "models": [entry(model, found) for model in found.models],
+        "models": [table_row(model, found) for model in found.models],
         "files": {form: str(path) for form, path in paths.items()},
     }
 
@@ -85,11 +85,10 @@ def _report(found: Chart, paths: dict[str, Path]) -> dict[str, Any]:
 def _text(found: Chart, paths: dict[str, Path]) -> str:
     """What no other model beats in error, speed and floats, and where the files are."""
     lines = ["no other model is better in error, time of an evaluation and floats at once:"]
-    for model in sorted((m for m in found.models if m.unbeaten_together), key=lambda m: m.ns or 0.0):
-        test = f"test {model.test_error:.4f}  " if model.test_error is not None else ""
-        lines.append(
-            f"  {model.title:32s} error {model.error:.4f}  {test}{model.ns:7.1f} ns  {model.floats:9,d} floats"
-        )
+    for model in sorted((m for m in found.models if m.unbeaten_together), key=lambda m: m.cost("ns") or 0.0):
+        test = f"test {model.entry.test_error:.4f}  " if model.entry.test_error is not None else ""
+        costs = f"{model.cost('ns'):7.1f} ns  {model.entry.floats:9,d} floats"
+        lines.append(f"  {model.title:32s} error {model.error:.4f}  {test}{costs}")
     lines.append(f"an empty call takes {found.empty.ns:.1f} ns, which is in every figure")
     lines += [f"could not be fitted: {model.title}" for model in found.unfitted]
     return "\n".join([*lines, *(f"{form}: {path}" for form, path in paths.items())])

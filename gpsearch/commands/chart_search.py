@@ -8,9 +8,10 @@ from typing import Any
 import click
 
 from gpsearch.commands.progress import duration
-from gpsearch.commands.runs import json_option, open_run, print_json
+from gpsearch.commands.runs import json_option, print_json
 from gpsearch.pictures.search_chart import search_chart
 from gpsearch.pictures.search_curves import Curve, SearchedRun, curves
+from gpsearch.run import open_run
 
 
 @click.command("chart-search")

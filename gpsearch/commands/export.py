@@ -6,7 +6,6 @@ import click
 
 from gpsearch.commands.described import described
 from gpsearch.commands.runs import run_argument, write_text
-from gpsearch.exports.front_json import to_text
 
 
 @click.command()
@@ -15,8 +14,7 @@ from gpsearch.exports.front_json import to_text
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="A file; standard output by default.")
 def export(run: Path, form: str, output: Path | None) -> None:
     """Writes the front of RUN (gpsearch-front/1). A run that was stopped is described and culled first."""
-    exported, _ = described(run)
-    text = to_text(exported)
+    text = described(run).to_text()
     if output is None:
         click.echo(text, nl=False)
     else:

@@ -17,13 +17,14 @@ from gpsearch.commands.described import described
 from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, make_folder, print_json
 from gpsearch.errors import GpsearchError
-from gpsearch.judging import Contender, contenders
-from gpsearch.judging.cards import Judged, judged_json, protocols, shown
-from gpsearch.judging.contenders import joined
+from gpsearch.judging.cards import CardsOfModel, judged_json, protocols, shown
+from gpsearch.judging.contenders import Contender, joined, load_contenders
 from gpsearch.judging.materials import materials_of_run, named_material, require_different_names
 from gpsearch.judging.scenes import NamedScene, named_scene, scene_of
-from gpsearch.judging.transfers import entries_of, transfers, with_tests
+from gpsearch.judging.transfers import transfers, with_tests
 from gpsearch.pictures.card_sheet import card_sheet, number
+from gpsearch.run import Baseline
+from gpsearch.run.result import FOUND
 
 
 @click.command()
@@ -51,16 +52,16 @@ def judge(subject: str, materials: tuple[str, ...], scene: str | None, output: P
     else:
         asked = _of_model(subject, materials, scene or "studio")
     loaded, seen = (*asked.materials, *asked.tests), asked.scene
-    found = []
+    judged = []
     for contender, pictures in counted(shown(asked.contenders, loaded, seen), len(asked.contenders), "judging"):
-        found.append(Judged(contender, {one.material: one.card for one in pictures}))
+        judged.append(CardsOfModel(contender, {one.material: one.card for one in pictures}))
         if output is not None and pictures:
             path = output / f"{_file_name(contender)}.png"
             card_sheet(contender, pictures, seen.name, path, tests=_names(asked.tests))
     if as_json:
-        print_json(_report(found, asked))
+        print_json(_report(judged, asked))
     else:
-        _print(found, asked)
+        _print(judged, asked)
         if output is not None:
             click.echo(f"pictures: {output}")
 
@@ -80,23 +81,23 @@ def _names(materials: Sequence[Material]) -> list[str]:
 
 
 def _of_run(run: Path, names: tuple[str, ...], scene: str | None) -> _Asked:
-    exported, configuration = described(run)
+    result = described(run)
+    configuration = result.source
     chosen = dict.fromkeys(named_material(name, configuration) for name in names)
     chosen = chosen or dict.fromkeys(materials_of_run(configuration))
     require_different_names(chosen)
-    if not exported["front"] and not exported["baselines"]:
+    if not result.entries:
         raise GpsearchError(f"{run}: nothing has been found yet; let `gpsearch launch` go on, then judge")
     loaded = {one: load_material(one.reference) for one in chosen}
     new = [one for one in chosen if one.role == "new"]
-    entries = entries_of(exported)
-    fits = counted(transfers(entries, new, configuration), len(entries) * len(new), "new materials")
-    refitted = with_tests(exported, dict(fits), new, configuration.metric) if new else exported
+    fits = counted(transfers(result.entries, new, configuration), len(result.entries) * len(new), "new materials")
+    refitted = with_tests(result, dict(fits), new) if new else result
     with Console(stderr=True).status("loading the models"):
         competing = [
             joined(*of_one)
             for of_one in zip(
-                contenders(exported, [material for one, material in loaded.items() if one.role != "new"]),
-                contenders(refitted, [loaded[one] for one in new]),
+                load_contenders(result, [material for one, material in loaded.items() if one.role != "new"]),
+                load_contenders(refitted, [loaded[one] for one in new]),
                 strict=True,
             )
         ]
@@ -126,63 +127,68 @@ def _contender(subject: str, materials: Sequence[Material], seen: NamedScene) ->
         fitted = fitter_of(subject).fit(Problem(materials, seen.anywhere))
         models, name, warnings = tuple(fitted[one] for one in fitted.materials), subject, fitted.warnings
     first = models[0]
-    return Contender(
+    entry = Baseline(
         name=name if name in MODELS else "model",
-        kind="formula" if first.expression else first.kind,
+        kind=first.kind,
         expression=to_text(first.expression) if first.expression else None,
         nodes=first.expression.nodes if first.expression else None,
         floats=first.floats,
         error=None,
-        fit_seconds=sum(model.fit_seconds for model in set(models)),
+        errors={},
+        metrics={},
+        cost_ns=first.cost_ns(),
         warnings=warnings,
-        models={material.name: model for material, model in zip(materials, models, strict=True)},
+        fit_seconds=sum(model.fit_seconds for model in set(models)),
     )
+    models_by_name = {material.name: model for material, model in zip(materials, models, strict=True)}
+    return Contender(entry, models_by_name, warnings)
 
 
 def _file_name(contender: Contender) -> str:
-    return f"{contender.nodes:03d}-{contender.name}" if contender.kind == "found" else contender.name
+    entry = contender.entry
+    return f"{entry.nodes:03d}-{entry.name}" if entry.kind == FOUND else entry.name
 
 
-def _report(found: Sequence[Judged], asked: _Asked) -> dict[str, Any]:
+def _report(judged: Sequence[CardsOfModel], asked: _Asked) -> dict[str, Any]:
     tests = _names(asked.tests)
     return {
         "scene": {"name": asked.scene.name, **vars(asked.scene.scene)},
         "materials": _names(asked.materials),
         **({"test_materials": tests} if tests else {}),
         "metrics": protocols(),
-        "models": [judged_json(one, tests) for one in found],
+        "models": [judged_json(one, tests) for one in judged],
     }
 
 
-def _print(found: Sequence[Judged], asked: _Asked) -> None:
+def _print(judged: Sequence[CardsOfModel], asked: _Asked) -> None:
     """A table for the materials, one for the tests, and what is to be known of the fits."""
     under = f"under {asked.scene.name}; means over the materials"
     if asked.materials:
-        click.echo(f"{len(found)} models, {len(asked.materials)} materials, {under}")
-        _print_table([one.only(_names(asked.materials)) for one in found])
+        click.echo(f"{len(judged)} models, {len(asked.materials)} materials, {under}")
+        _print_table([one.only(_names(asked.materials)) for one in judged])
     if asked.tests:
         gap = "\n" if asked.materials else ""
         many = f"{len(asked.tests)} test material{'s' if len(asked.tests) > 1 else ''}"
-        click.echo(f"{gap}{len(found)} models, {many} that the search was not on, {under}")
-        _print_table([one.only(_names(asked.tests)) for one in found])
-    for one in found:
+        click.echo(f"{gap}{len(judged)} models, {many} that the search was not on, {under}")
+        _print_table([one.only(_names(asked.tests)) for one in judged])
+    for one in judged:
         for warning in one.contender.warnings:
-            click.echo(f"warning: {one.contender.title}: {warning}", err=True)
+            click.echo(f"warning: {one.contender.entry.title}: {warning}", err=True)
 
 
-def _print_table(found: Sequence[Judged]) -> None:
+def _print_table(judged: Sequence[CardsOfModel]) -> None:
     """A line per model, by PSNR: means over the materials, and the material that looks worst."""
-    width = max(len(one.contender.title) for one in found)
+    width = max(len(one.contender.entry.title) for one in judged)
     columns = "".join(f"{metric.short:>10s}" for metric in CARD_METRICS.values())
     click.echo(f"{'':{width}s}{columns}  worst material (FLIP)")
-    for one in sorted((one for one in found if one.cards), key=lambda one: -one.mean("psnr")):
+    for one in sorted((one for one in judged if one.cards), key=lambda one: -one.mean("psnr")):
         values = "".join(f"{number(one.mean(name)):>10s}" for name in CARD_METRICS)
         worst = one.worst_material("flip")
         region = one.cards[worst].worst
         where = (
             f"{worst} {number(one.cards[worst].metrics['flip'])}, most at {region.facing:.0f} deg from the view"
         )
-        click.echo(f"{one.contender.title:{width}s}{values}  {where}")
-    for one in found:
+        click.echo(f"{one.contender.entry.title:{width}s}{values}  {where}")
+    for one in judged:
         if not one.cards:
-            click.echo(f"{one.contender.title:{width}s}  not fitted: {'; '.join(one.contender.warnings)}")
+            click.echo(f"{one.contender.entry.title:{width}s}  not fitted: {'; '.join(one.contender.warnings)}")

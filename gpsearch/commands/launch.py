@@ -14,21 +14,19 @@ from fitters.models import warm_up
 from fitters.scenes import light_table
 from gpsearch import __version__
 from gpsearch.commands.estimate import estimate, not_converged
-from gpsearch.commands.listing import list_models
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.signals import Terminated, terminable
 from gpsearch.configuration import Configuration, DaskExecutorSection, load_configuration, parse_configuration
 from gpsearch.configuration.files import resolve_path
 from gpsearch.errors import GpsearchError, StoreError
-from gpsearch.exports import front_json
-from gpsearch.exports.front_json import to_text
-from gpsearch.pictures import plot_front
-from gpsearch.run import Store
+from gpsearch.pictures.front_plot import plot_front
+from gpsearch.run import Store, WritableStore, result_of
+from gpsearch.run.listing import result_text
 from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from workers import DaskSettings, LocalSettings, Settings, Tls, WorkersError, open_executor
+from workers import DaskSettings, ExecutorSettings, LocalSettings, Tls, WorkersError, open_executor
 
 
 @click.command()
@@ -51,7 +49,7 @@ def launch(config: Path, folder: Path | None, check: bool) -> None:
     if check:
         estimate(configuration, planned)
         return
-    with RunLock(folder) as lock, closing(_store(folder, configuration)) as store, terminable():
+    with RunLock(folder) as lock, closing(_store(lock, configuration)) as store, terminable():
         if lock.taken_over_from:
             _log(store, "takeover", f"the last launcher died: {lock.taken_over_from}")
         if (begun_by := store.meta("package")) != __version__:
@@ -68,17 +66,18 @@ def launch(config: Path, folder: Path | None, check: bool) -> None:
             raise
 
 
-def _log(store: Store, kind: str, detail: str) -> None:
+def _log(store: WritableStore, kind: str, detail: str) -> None:
     with store.transaction():
         store.log(kind, detail)
 
 
-def _store(folder: Path, configuration: Configuration) -> Store:
+def _store(lock: RunLock, configuration: Configuration) -> WritableStore:
     """The run's store, new or as it was left. Raises `GpsearchError` where the configuration is another one."""
+    folder = lock.folder
     if not (folder / FILE).exists():
-        store = Store.create(folder, configuration.text())
+        store = WritableStore.create(lock, configuration.text())
     else:
-        store = Store.open(folder)
+        store = WritableStore.of(lock)
         before = parse_configuration(
             store.configuration, source=str(store.path), folder=configuration.folder, check_files=False
         )
@@ -108,7 +107,7 @@ def _read_test_materials(store: Store, configuration: Configuration, console: Co
                 load_material(reference, base=configuration.folder)
 
 
-def _integrate_light(store: Store, configuration: Configuration, console: Console) -> None:
+def _integrate_light(store: WritableStore, configuration: Configuration, console: Console) -> None:
     """Has the light table made, once for all workers of this machine, and keeps with the run which and how exact.
 
     Raises `GpsearchError` where the run has found something under another one, as versions before tables
@@ -129,14 +128,14 @@ def _integrate_light(store: Store, configuration: Configuration, console: Consol
         console.print(f"warning: {not_converged(table)}")
 
 
-def _search(planned: Plan, store: Store, configuration: Configuration, console: Console) -> None:
+def _search(planned: Plan, store: WritableStore, configuration: Configuration, console: Console) -> None:
     _integrate_light(store, configuration, console)
     _read_test_materials(store, configuration, console)
     if not _is_remote(configuration):
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up(name for name in planned.baselines if name not in store.baselines())
     with (
-        open_executor(executor_settings(configuration)) as executor,
+        open_executor(executor_settings(configuration), package="gpsearch") as executor,
         ProgressWatcher(console, planned.budget) as watcher,
     ):
         before = store.totals()[0]
@@ -150,19 +149,18 @@ def _search(planned: Plan, store: Store, configuration: Configuration, console: 
 
 def _report(store: Store, configuration: Configuration, console: Console, reason: str) -> None:
     """Writes front.json and front.png and lists the front beside the baselines."""
-    exported = front_json(store, configuration)
+    result = result_of(store, configuration)
     folder = store.path.parent
-    _leave(folder / "front.json", lambda path: path.write_text(to_text(exported)))
-    _leave(folder / "front.png", lambda path: plot_front(exported, path))
-    run = exported["run"]
+    _leave(folder / "front.json", lambda path: path.write_text(result.to_text()))
+    _leave(folder / "front.png", lambda path: plot_front(result, path))
+    run = result.run
     console.print(
-        f"done ({reason}): {run['generations']} generations, {run['candidates']:,} candidates,"
-        f" {duration(run['seconds'])}"
+        f"done ({reason}): {run.generations} generations, {run.candidates:,} candidates, {duration(run.seconds)}"
     )
     _, candidates, fitted = store.totals()
     given_up = sum(generation.given_up for generation in store.generations())
     console.print(f"fits: {work(candidates, fitted, given_up)}", highlight=False)
-    list_models(exported)
+    click.echo(result_text(result))
     click.echo(f"front: {folder / 'front.json'}   picture: {folder / 'front.png'}")
 
 
@@ -184,7 +182,7 @@ def _is_remote(configuration: Configuration) -> bool:
     return isinstance(configuration.executor, DaskExecutorSection) and configuration.executor.scheduler is not None
 
 
-def executor_settings(configuration: Configuration) -> Settings:
+def executor_settings(configuration: Configuration) -> ExecutorSettings:
     """What `workers` takes, of a configuration."""
     executor = configuration.executor
     if isinstance(executor, DaskExecutorSection):

@@ -13,7 +13,7 @@ from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, print_json, run_argument
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
-from gpsearch.judging.contenders import contenders, materials_of
+from gpsearch.judging.contenders import load_contenders, materials_of
 from gpsearch.judging.offers import Offer, Refitter, Sharer, View, measured_nanoseconds, offers
 from gpsearch.judging.picking import ORDERS, By, pick
 from gpsearch.judging.scene_picks import ScenePicks, picks_json, picks_text
@@ -49,15 +49,16 @@ def pick_command(
     limits = parse_tolerance(tolerance)
     if plot is not None and plot.suffix not in (".png", ".svg"):
         raise click.UsageError(f"--plot {plot}: a picture ends in .png or .svg")
-    exported, configuration = described(run)
-    if not exported["front"] and not exported["baselines"]:
+    result = described(run)
+    configuration = result.source
+    if not result.entries:
         raise GpsearchError(f"{run}: nothing has been found yet; let `gpsearch launch` go on, then pick")
     materials = materials_of(configuration)
     with Console(stderr=True).status("loading the models"):
-        competing = contenders(exported, materials)
+        competing = load_contenders(result, materials)
         nanoseconds = measured_nanoseconds(competing) if by == "speed" else {}
     seen = [named_scene(scene) for scene in scenes] or [scene_of(configuration)]
-    found = []
+    picks = []
     for scene in seen:
         view = View(scene, materials, limits)
         refitter = _refitter(configuration, scene)
@@ -65,13 +66,13 @@ def pick_command(
         made = offers(competing, nanoseconds, view, refitter if elsewhere else None)
         offered = [offer for some in counted(made, len(competing), scene.name) for offer in some]
         with Console(stderr=True).status(f"{scene.name}: picking"):
-            found.append(_picks(scene, offered, view, refitter, limits, by))
+            picks.append(_picks(scene, offered, view, refitter, limits, by))
     if plot is not None:
-        plot_scenes(found, limits, plot)
+        plot_scenes(picks, limits, plot)
     if as_json:
-        print_json(picks_json(found, limits, by))
+        print_json(picks_json(picks, limits, by))
     else:
-        click.echo("\n\n".join(picks_text(one, limits, by) for one in found))
+        click.echo("\n\n".join(picks_text(one, limits, by) for one in picks))
 
 
 def _refitter(configuration: Configuration, scene: NamedScene) -> Refitter:

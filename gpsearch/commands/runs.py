@@ -1,4 +1,4 @@
-"""What the commands share: opening runs and configurations, and writing what they report."""
+"""What the commands share: arguments, and writing what they report."""
 
 import json
 import os
@@ -7,18 +7,8 @@ from typing import Any
 
 import click
 
-from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.run import Store
-
 run_argument = click.argument("run", type=click.Path(path_type=Path))
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object on standard output.")
-
-
-def open_run(folder: Path) -> tuple[Store, Configuration]:
-    """The store of a run directory and the configuration it was made with. Raises `GpsearchError`."""
-    store = Store.open(folder)
-    base = Path(store.meta("folder") or folder)
-    return store, parse_configuration(store.configuration, source=str(store.path), folder=base, check_files=False)
 
 
 def print_json(report: dict[str, Any]) -> None:

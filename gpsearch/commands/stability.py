@@ -1,5 +1,6 @@
 """`gpsearch stability`: every fitter against everything that is known to make fits fail."""
 
+import json
 import math
 import os
 import time
@@ -31,7 +32,6 @@ from fitters.stability.verdict import LEAST, PARAMETER, SPREAD, TIMES
 from gpsearch import __version__
 from gpsearch.commands.progress import duration
 from gpsearch.commands.runs import json_option, print_json, write_text
-from gpsearch.exports.front_json import to_text
 from gpsearch.pictures.stability_plot import plot_stability
 from workers import DaskSettings, Failure, Job, LocalSettings, Recipe, open_executor
 
@@ -116,7 +116,7 @@ def stability(
         "cells": [_entry(cell) for cell in cells],
         "lines": [cell.line for cell in cells if cell.line],
     }
-    write_text(folder / "stability.json", to_text(report))
+    write_text(folder / "stability.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     plot_stability(cells, [folder / "stability.png", folder / "stability.svg"])
     if as_json:
         print_json(report)

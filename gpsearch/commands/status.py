@@ -9,9 +9,9 @@ from typing import Any
 import click
 
 from gpsearch.commands.progress import duration, seconds_left, work
-from gpsearch.commands.runs import json_option, open_run, print_json, run_argument
+from gpsearch.commands.runs import json_option, print_json, run_argument
 from gpsearch.configuration import Configuration
-from gpsearch.run import Store
+from gpsearch.run import Store, open_run
 from gpsearch.run.lock import holder
 from gpsearch.search.plan import budget_of
 

@@ -1,7 +1,6 @@
 """`gpsearch transfer RUN`: what a run found, refitted to materials that it was not searched on."""
 
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
@@ -12,13 +11,14 @@ from gpsearch.commands.progress import counted
 from gpsearch.commands.runs import json_option, print_json, run_argument
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
-from gpsearch.judging import contenders
-from gpsearch.judging.contenders import FOUND, materials_of
+from gpsearch.judging.contenders import load_contenders, materials_of
 from gpsearch.judging.generality import Scored, scored
 from gpsearch.judging.generality_report import Generality, generality_json, generality_text
 from gpsearch.judging.materials import NamedMaterial, materials_of_run, named_material, require_different_names
 from gpsearch.judging.scenes import scene_of
-from gpsearch.judging.transfers import entries_of, transfers, with_references, with_tests
+from gpsearch.judging.transfers import transfers, with_references, with_tests
+from gpsearch.run import Result
+from gpsearch.run.result import FOUND
 
 
 @click.command("transfer")
@@ -36,23 +36,24 @@ def transfer_command(run: Path, references: tuple[str, ...], member: str | None,
     By default these are the run's `test_materials`. Others are fitted in this process and kept in the disk cache;
     nothing is written into the run.
     """
-    exported, configuration = described(run)
-    if not exported["front"] and not exported["baselines"]:
+    result = described(run)
+    configuration = result.source
+    if not result.entries:
         raise GpsearchError(f"{run}: nothing has been found yet; let `gpsearch launch` go on, then transfer")
     chosen = _chosen(references, configuration)
-    _require_member(member, exported)
+    _require_member(member, result)
     train = materials_of(configuration)
     test = [load_material(one.reference) for one in chosen]
     _require_different(train, test)
-    whole = _tested(exported, chosen, configuration, again=bool(references))
+    whole = _tested(result, chosen, again=bool(references))
     scene = scene_of(configuration)
     materials = (*train, *test)
     with Console(stderr=True).status("loading the models"):
-        competing = contenders(whole, materials)
+        competing = load_contenders(whole, materials)
         image = scene.image()
     made = scored(competing, materials, image, configuration.metric)
     models = list(counted(made, len(competing), "judging"))
-    found = Generality(
+    generality = Generality(
         run=configuration.name,
         scene=scene,
         metric=configuration.metric,
@@ -62,9 +63,9 @@ def transfer_command(run: Path, references: tuple[str, ...], member: str | None,
         member=_member(member, models),
     )
     if as_json:
-        print_json(generality_json(found))
+        print_json(generality_json(generality))
     else:
-        click.echo(generality_text(found))
+        click.echo(generality_text(generality))
 
 
 def _chosen(references: tuple[str, ...], configuration: Configuration) -> list[NamedMaterial]:
@@ -98,28 +99,26 @@ def _require_different(train: tuple[Material, ...], test: list[Material]) -> Non
             )
 
 
-def _require_member(member: str | None, exported: dict[str, Any]) -> None:
-    ids = [entry["id"] for entry in exported["front"]]
+def _require_member(member: str | None, result: Result) -> None:
+    ids = [formula.id for formula in result.formulas]
     if member is not None and member not in ids:
         known = f"there are {', '.join(ids)}" if ids else "the front is empty"
         raise GpsearchError(f"--member {member}: no formula of the front has this id; {known}")
 
 
-def _tested(
-    exported: dict[str, Any], chosen: list[NamedMaterial], configuration: Configuration, *, again: bool
-) -> dict[str, Any]:
-    """The export with the references, and with `test` of all, computed where it is missing or all `again`."""
+def _tested(result: Result, chosen: list[NamedMaterial], *, again: bool) -> Result:
+    """The result with the references, and with `test` of all, computed where it is missing or all `again`."""
     with Console(stderr=True).status("fitting the references"):
-        whole = with_references(exported, configuration)
-    missing = [entry for entry in entries_of(whole) if again or "test" not in entry]
-    made = transfers(missing, chosen, configuration)
-    found = dict(counted(made, len(missing) * len(chosen), "test materials"))
-    return with_tests(whole, found, chosen, configuration.metric)
+        whole = with_references(result, result.source)
+    missing = [entry for entry in whole.entries if again or entry.test is None]
+    made = transfers(missing, chosen, result.source)
+    fits = dict(counted(made, len(missing) * len(chosen), "test materials"))
+    return with_tests(whole, fits, chosen)
 
 
 def _member(member: str | None, models: list[Scored]) -> Scored | None:
     """The one with an id, or the one of least error, which is the last of the front."""
-    front = [one for one in models if one.contender.kind == FOUND]
+    front = [one for one in models if one.contender.entry.kind == FOUND]
     if member is None:
         return front[-1] if front else None
-    return next(one for one in front if one.contender.name == member)
+    return next(one for one in front if one.contender.entry.name == member)

@@ -1,5 +1,10 @@
 """What a run found, in forms that others read."""
 
-from gpsearch.exports.front_json import front_json, schema
+import json
+from importlib import resources
+from typing import Any
 
-__all__ = ["front_json", "schema"]
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of front.json, which `Result.to_json` fulfils."""
+    return json.loads(resources.files(__package__).joinpath("front.schema.json").read_text())

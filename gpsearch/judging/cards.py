@@ -26,15 +26,15 @@ class Shown:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class CardsOfModel:
     """A contender with its cards by material; materials that it has no model of are not there."""
 
     contender: Contender
     cards: Mapping[str, Card]
 
-    def only(self, materials: Collection[str]) -> "Judged":
+    def only(self, materials: Collection[str]) -> "CardsOfModel":
         """The same with the cards of some materials."""
-        return Judged(self.contender, {name: card for name, card in self.cards.items() if name in materials})
+        return CardsOfModel(self.contender, {name: card for name, card in self.cards.items() if name in materials})
 
     def mean(self, metric: str) -> float:
         """Over materials; of PSNR that of the decibels, as the factor paper's tables are."""
@@ -60,19 +60,21 @@ def shown(
     image, light = scene.image(), scene.light()
     judges = [Judge(image, light, material) for material in materials]
     for contender in contenders:
-        found = []
+        seen = []
         for judge in judges:
             name = judge.material.name
             if name in contender.models:
                 card, picture = judge.card(contender.models[name])
-                found.append(Shown(name, card, judge.truth, picture))
-        yield contender, found
+                seen.append(Shown(name, card, judge.truth, picture))
+        yield contender, seen
 
 
-def judged(contenders: Sequence[Contender], materials: Sequence[Material], scene: NamedScene) -> Iterator[Judged]:
+def judged(
+    contenders: Sequence[Contender], materials: Sequence[Material], scene: NamedScene
+) -> Iterator[CardsOfModel]:
     """Every contender with its cards, in its order; errors as `shown`."""
-    for contender, found in shown(contenders, materials, scene):
-        yield Judged(contender, {one.material: one.card for one in found})
+    for contender, seen in shown(contenders, materials, scene):
+        yield CardsOfModel(contender, {one.material: one.card for one in seen})
 
 
 def protocols() -> dict[str, dict[str, str]]:
@@ -80,24 +82,24 @@ def protocols() -> dict[str, dict[str, str]]:
     return {name: metric.describe() for name, metric in CARD_METRICS.items()}
 
 
-def judged_json(found: Judged, tests: Collection[str] = ()) -> dict[str, Any]:
+def judged_json(judged: CardsOfModel, tests: Collection[str] = ()) -> dict[str, Any]:
     """A model's cards as plain objects; an infinite PSNR, of equal pictures, is null.
 
     The worst of the materials is one that is no test; where there are tests, they have a worst one of their own.
     """
-    contender = found.contender
-    searched_on = found.only([name for name in found.cards if name not in tests])
-    worst_test = {"worst_test_material": found.only(tests).worst_materials()} if tests else {}
+    entry = judged.contender.entry
+    searched_on = judged.only([name for name in judged.cards if name not in tests])
+    worst_test = {"worst_test_material": judged.only(tests).worst_materials()} if tests else {}
     return {
-        "name": contender.name,
-        "kind": contender.kind,
-        "expression": contender.expression,
-        "nodes": contender.nodes,
-        "floats": contender.floats,
-        "warnings": list(contender.warnings),
+        "name": entry.name,
+        "kind": entry.kind,
+        "expression": entry.expression,
+        "nodes": entry.nodes,
+        "floats": entry.floats,
+        "warnings": list(judged.contender.warnings),
         "worst_material": searched_on.worst_materials(),
         **worst_test,
-        "cards": {name: _card_json(card) for name, card in found.cards.items()},
+        "cards": {name: _card_json(card) for name, card in judged.cards.items()},
     }
 
 

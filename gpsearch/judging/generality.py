@@ -65,18 +65,18 @@ def scored(
 def _scores(
     contender: Contender, material: Material, truth: Picture, image: ImageMap, metric: str
 ) -> dict[str, float | None]:
-    found: dict[str, float | None] = dict.fromkeys((ERROR, *IMAGES))
-    errors = contender.errors[material.name]
+    scores: dict[str, float | None] = dict.fromkeys((ERROR, *IMAGES))
+    errors = contender.entry.all_errors[material.name]
     if None not in errors:
-        found[ERROR] = RESIDUALS[metric].combine(np.array(errors))
+        scores[ERROR] = RESIDUALS[metric].combine(np.array(errors))
     if material.name in contender.models:
         try:
             picture = image.of_model(contender.models[material.name], material)
         except FittersError:
-            return found  # not finite in some pixel
+            return scores  # not finite in some pixel
         for name in IMAGES:
-            found[name] = _finite(IMAGE_METRICS[name].compare(truth, picture).value)
-    return found
+            scores[name] = _finite(IMAGE_METRICS[name].compare(truth, picture).value)
+    return scores
 
 
 def _finite(value: float) -> float | None:

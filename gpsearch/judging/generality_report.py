@@ -5,13 +5,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fitters.judging.metrics import IMAGE_METRICS
-from gpsearch.judging.contenders import FOUND
 from gpsearch.judging.generality import COMPARED, ERROR, IMAGES, Scored
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.transfers import REFERENCES
+from gpsearch.run.result import FOUND
 
 SHORT = {"cook-torrance": "CT", "ggx": "GGX"}
-TITLES = {"l2": "image L2", "1-ssim": "1 - SSIM"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +30,7 @@ class Generality:
 
     @property
     def references(self) -> dict[str, Scored]:
-        by_name = {one.contender.name: one for one in self.models}
+        by_name = {one.contender.entry.name: one for one in self.models}
         return {name: by_name[name] for name in REFERENCES}
 
     @property
@@ -60,31 +59,31 @@ def generality_json(found: Generality) -> dict[str, Any]:
 
 
 def _model_json(found: Generality, one: Scored) -> dict[str, Any]:
-    contender = one.contender
+    entry = one.contender.entry
     below = {
         name: {metric: one.mean_below(reference, found.test, metric) for metric in COMPARED}
         for name, reference in found.references.items()
     }
     return {
-        "name": contender.name,
-        "kind": contender.kind,
-        "expression": contender.expression,
-        "nodes": contender.nodes,
-        "floats": contender.floats,
-        "error": contender.error,
-        "test_error": contender.test_error,
+        "name": entry.name,
+        "kind": entry.kind,
+        "expression": entry.expression,
+        "nodes": entry.nodes,
+        "floats": entry.floats,
+        "error": entry.error,
+        "test_error": entry.test_error,
         "train": {metric: one.mean(found.train, metric) for metric in (ERROR, *IMAGES)},
         "test": {metric: one.mean(found.test, metric) for metric in (ERROR, *IMAGES)} | {"below": below},
         "materials": {name: dict(scores) for name, scores in one.scores.items()},
-        "warnings": list(contender.warnings),
+        "warnings": list(one.contender.warnings),
     }
 
 
 def _member_json(found: Generality, member: Scored) -> dict[str, Any]:
     return {
-        "id": member.contender.name,
-        "expression": member.contender.expression,
-        "nodes": member.contender.nodes,
+        "id": member.contender.entry.name,
+        "expression": member.contender.entry.expression,
+        "nodes": member.contender.entry.nodes,
         "figures": {
             metric: {
                 name: {
@@ -125,7 +124,7 @@ def _models_text(found: Generality) -> str:
         "below refitted CT (Cook-Torrance), GGX: 1 - new / reference on the test materials",
         "",
         f"{'':{width}s} nodes   {_centred(f'error ({found.metric})', 15)}"
-        + "".join(f"   {_centred(TITLES[name], 15)}" for name in ("l2", "1-ssim"))
+        + "".join(f"   {_centred(IMAGE_METRICS[name].label, 15)}" for name in ("l2", "1-ssim"))
         + "".join(f"   {_centred(f'below {SHORT[name]}', 20)}" for name in REFERENCES),
         f"{'':{width}s}      "
         + 3 * f"   {'train':>7s} {'test':>7s}"
@@ -135,11 +134,11 @@ def _models_text(found: Generality) -> str:
 
 
 def _name(one: Scored) -> str:
-    return f"found {one.contender.name}" if one.contender.kind == FOUND else one.contender.name
+    return f"found {one.contender.entry.name}" if one.contender.entry.kind == FOUND else one.contender.entry.name
 
 
 def _model_line(found: Generality, one: Scored, width: int) -> str:
-    text = f"{_name(one):{width}s} {one.contender.nodes or '-':>5}"
+    text = f"{_name(one):{width}s} {one.contender.entry.nodes or '-':>5}"
     for metric in COMPARED:
         text += f"   {_number(one.mean(found.train, metric))} {_number(one.mean(found.test, metric))}"
     for reference in found.references.values():
@@ -151,13 +150,13 @@ def _model_line(found: Generality, one: Scored, width: int) -> str:
 
 def _member_text(found: Generality, member: Scored) -> str:
     """The figures side by side, as the paper has them."""
-    figures = ("l2", "1-ssim", ERROR)
+    figures, entry = ("l2", "1-ssim", ERROR), member.contender.entry
     width = 2 + max(map(len, (*found.train, *found.test, "training set")))
-    titles = {**TITLES, ERROR: f"error ({found.metric})"}
+    titles = {name: IMAGE_METRICS[name].label for name in IMAGES} | {ERROR: f"error ({found.metric})"}
     columns = " ".join(f"{title:>7s}" for title in (*SHORT.values(), "new"))
     columns += "".join(f" {f'<{title}':>6s}" for title in SHORT.values())
     lines = [
-        f"found {member.contender.name}, {member.contender.nodes} nodes: {member.contender.expression}",
+        f"found {entry.name}, {entry.nodes} nodes: {entry.expression}",
         "new: this formula; <CT, <GGX: how far it lies below the refitted references; averages are means",
         "",
         f"{'':{width}s}" + "".join(f"   {_centred(titles[metric], len(columns))}" for metric in figures),

@@ -48,11 +48,11 @@ class Offer:
     @property
     def nodes(self) -> int:
         """Of the formula; a table has none."""
-        return self.contender.nodes or 0
+        return self.contender.entry.nodes or 0
 
     def numbers(self, materials: int) -> int:
         """To store for so many materials."""
-        return self.sharing.numbers(materials) if self.sharing else self.contender.floats * materials
+        return self.sharing.numbers(materials) if self.sharing else self.contender.entry.floats * materials
 
     def words(self, materials: int) -> int:
         """Nodes of the formula, once, and numbers: a word each."""
@@ -106,15 +106,15 @@ class Refitter:
 
     def bounds_of(self, contender: Contender) -> Bounds:
         """Those that the contender was fitted in."""
-        if contender.kind == "formula" and contender.name in CATALOGUE:
-            return CATALOGUE[contender.name].bounds
+        if contender.entry.kind == "formula" and contender.entry.name in CATALOGUE:
+            return CATALOGUE[contender.entry.name].bounds
         return {name: (low, high) for name, low, high in self.bounds}
 
     def refitted(self, contender: Contender) -> dict[str, Model]:
         """Models of every material, the structure as it is; no worse in the scene's error than the run's."""
         expression, bounds = _expression(contender), self.bounds_of(contender)
         near = self.fit_of(contender.models, self.problem)
-        job = FitJob((contender.expression or "",), tuple((n, *b) for n, b in bounds.items()), self.settings)
+        job = FitJob((contender.entry.expression or "",), tuple((n, *b) for n, b in bounds.items()), self.settings)
         found = confirm(self.problem, ConfirmJob(job, near.columns or None)).fit
         found = polish(expression, self.problem.fine, self.problem.metric, bounds, found)
         return _models(expression, found, self.problem.names)
@@ -146,10 +146,10 @@ def offers(
             Offer(
                 contender,
                 fitted_in,
-                nanoseconds.get(contender.name),
+                nanoseconds.get(contender.entry.name),
                 models,
                 {name: view.values(model, name) for name, model in models.items()},
-                Sharing.nothing(_expression(contender).parameters) if contender.expression else None,
+                Sharing.nothing(_expression(contender).parameters) if contender.entry.expression else None,
             )
             for fitted_in, models in variants.items()
         ]
@@ -166,7 +166,7 @@ class Sharer:
         """The offer with the fewest numbers for these materials, one or all; itself where nothing is shared."""
         if offer.sharing is None or not offer.sharing.names:
             return offer
-        key = (offer.contender.name, names)
+        key = (offer.contender.entry.name, names)
         if key not in self._known:
             self._known[key] = self._shared(offer, names)
         return self._known[key] or offer
@@ -190,12 +190,12 @@ class Sharer:
 
 def measured_nanoseconds(contenders: Sequence[Contender]) -> dict[str, float]:
     """What a call of each costs on this machine at incoherent directions, by name, all timed in turns."""
-    closures = {one.name: closure(next(iter(one.models.values()))) for one in contenders if one.models}
+    closures = {one.entry.name: closure(next(iter(one.models.values()))) for one in contenders if one.models}
     return {name: timing.ns for name, timing in measure(closures, incoherent()).items()}
 
 
 def _expression(contender: Contender) -> Expression:
-    return parse(contender.expression or "")
+    return parse(contender.entry.expression or "")
 
 
 def _models(expression: Expression, fit: Fit, names: Sequence[str]) -> dict[str, Model]:
@@ -203,4 +203,4 @@ def _models(expression: Expression, fit: Fit, names: Sequence[str]) -> dict[str,
 
 
 def _is_whole_formula(contender: Contender, view: View) -> bool:
-    return contender.expression is not None and set(contender.models) == set(view.materials)
+    return contender.entry.expression is not None and set(contender.models) == set(view.materials)

@@ -44,7 +44,9 @@ class ScenePicks:
         if together is not None and together.offer.sharing is not None:
             found, contender = refitter.fit_of(together.offer.models, problem), together.offer.contender
             bounds = refitter.bounds_of(contender)
-            paid = prices(parse(contender.expression or ""), problem, bounds, found, refitter.settings, turned)
+            paid = prices(
+                parse(contender.entry.expression or ""), problem, bounds, found, refitter.settings, turned
+            )
         return cls(scene, offered, alone, together, reduction(problem), paid)
 
 
@@ -68,14 +70,14 @@ def picks_json(found: Sequence[ScenePicks], tolerance: Tolerance, by: By) -> dic
 
 
 def _offer_json(offer: Offer, tolerance: Tolerance) -> dict[str, Any]:
-    contender = offer.contender
+    entry = offer.contender.entry
     return {
-        "name": contender.name,
-        "kind": contender.kind,
-        "expression": contender.expression,
-        "nodes": contender.nodes,
+        "name": entry.name,
+        "kind": entry.kind,
+        "expression": entry.expression,
+        "nodes": entry.nodes,
         "fitted_in": offer.fitted_in,
-        "floats": contender.floats,
+        "floats": entry.floats,
         "ns": offer.nanoseconds,
         "values": {
             name: {metric: _finite(value) for metric, value in values.items()}
@@ -92,10 +94,10 @@ def _pick_json(picked: Pick | None, tolerance: Tolerance) -> dict[str, Any] | No
     values = {name: offer.values[name] for name in names}
     return {
         "within": picked.within,
-        "name": offer.contender.name,
-        "kind": offer.contender.kind,
-        "expression": offer.contender.expression,
-        "nodes": offer.contender.nodes,
+        "name": offer.contender.entry.name,
+        "kind": offer.contender.entry.kind,
+        "expression": offer.contender.entry.expression,
+        "nodes": offer.contender.entry.nodes,
         "fitted_in": offer.fitted_in,
         "numbers": offer.numbers(len(names)),
         "words": offer.words(len(names)),
@@ -157,7 +159,7 @@ def _row(picked: Pick | None, tolerance: Tolerance) -> str:
     if picked is None:
         return "no model was fitted"
     offer, count = picked.offer, len(picked.materials)
-    title = offer.contender.title if picked.within else f"none; nearest {offer.contender.title}"
+    title = offer.contender.entry.title if picked.within else f"none; nearest {offer.contender.entry.title}"
     row = f"{title:32s}{offer.words(count):8,d}{offer.numbers(count):9,d}"
     if offer.nanoseconds is not None:
         row += f"{offer.nanoseconds:7.1f} ns"
@@ -181,4 +183,6 @@ def _formula(offer: Offer) -> str:
     }
     each = ", ".join(f"{' '.join(names)} per {scope}" for scope, names in by_scope.items() if names)
     refitted = ", fitted in this scene" if offer.fitted_in == "scene" else ""
-    return f"{offer.contender.title}{refitted}, {each or 'no parameters'}: {offer.contender.expression}"
+    return (
+        f"{offer.contender.entry.title}{refitted}, {each or 'no parameters'}: {offer.contender.entry.expression}"
+    )

@@ -1,81 +1,76 @@
 """Models of a run refitted to materials that it was not searched on: in this process, kept in the disk cache."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from dataclasses import replace
+from typing import TypeVar
 
 from fitters.fitting import Problem, transfer
 from fitters.models import MaterialTask, summarise
 from gpsearch.configuration import Configuration
-from gpsearch.exports.front_json import baseline_entry
-from gpsearch.exports.transfers import transfer_entry
 from gpsearch.judging.materials import NamedMaterial
-from gpsearch.run import FormulaBaseline, Transfer
+from gpsearch.run import Baseline, Formula, FormulaBaseline, Result, Transfer
+from gpsearch.run.loading import baseline_entry, fit_on_tests
+from gpsearch.run.result import FOUND
 from gpsearch.search.plan import Plan, plan, problem_recipe
 
 REFERENCES = ("cook-torrance", "ggx")
 """What every formula is compared with; the genBRDF paper has the first."""
 
+E = TypeVar("E", Formula, Baseline)
 Transfers = Mapping[tuple[str, str], Transfer]
-"""By model, as `model_of` names it, and by material's name."""
+"""By model, as `stored_name` names it, and by material's name."""
 
 
-def entries_of(exported: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The entries of an export: the front, then the baselines."""
-    return [*exported["front"], *exported["baselines"]]
+def stored_name(entry: Formula | Baseline) -> str:
+    """What stores call a model: the name of a baseline, or the expression of what was found."""
+    return entry.expression if isinstance(entry, Formula) else entry.name
 
 
-def model_of(entry: Mapping[str, Any]) -> str:
-    """The name of a baseline, or the expression of what was found."""
-    return entry["name"] if "name" in entry else entry["expression"]
-
-
-def with_references(exported: dict[str, Any], configuration: Configuration) -> dict[str, Any]:
-    """The export with `REFERENCES` among its baselines, as if the run had them."""
-    missing = set(REFERENCES) - {entry["name"] for entry in exported["baselines"]}
+def with_references(result: Result, configuration: Configuration) -> Result:
+    """The result with `REFERENCES` among its baselines, as if the run had them."""
+    missing = [name for name in REFERENCES if name not in {baseline.name for baseline in result.baselines}]
     if not missing:
-        return exported
+        return result
     problem, planned = problem_recipe(configuration).build(), plan(configuration)
     added = []
-    for name in (name for name in REFERENCES if name in missing):
-        found = FormulaBaseline(transfer(problem, planned.formula_job(name)), 0.0)
-        added.append(baseline_entry(name, found, configuration.metric, configuration.material_names))
-    return exported | {"baselines": [*exported["baselines"], *added]}
+    for name in missing:
+        baseline = FormulaBaseline(transfer(problem, planned.formula_job(name)), 0.0)
+        added.append(baseline_entry(name, baseline, configuration.metric, configuration.material_names))
+    return replace(result, baselines=(*result.baselines, *added))
 
 
 def transfers(
-    entries: Sequence[Mapping[str, Any]], materials: Sequence[NamedMaterial], configuration: Configuration
+    entries: Sequence[Formula | Baseline], materials: Sequence[NamedMaterial], configuration: Configuration
 ) -> Iterator[tuple[tuple[str, str], Transfer]]:
     """The fits of entries to materials, one problem after the other."""
     recipe, planned = problem_recipe(configuration), plan(configuration)
     for material in materials:
         problem = recipe.of(material.reference).build()
         for entry in entries:
-            yield (model_of(entry), material.name), _transfer(entry, problem, planned)
+            yield (stored_name(entry), material.name), _transfer(entry, problem, planned)
 
 
-def _transfer(entry: Mapping[str, Any], problem: Problem, planned: Plan) -> Transfer:
-    if "expression" not in entry:
-        return Transfer.of_table(summarise(problem, MaterialTask(entry["name"], 0)), planned.metric)
-    job = planned.formula_job(entry["name"]) if "name" in entry else planned.job(entry["expression"])
+def _transfer(entry: Formula | Baseline, problem: Problem, planned: Plan) -> Transfer:
+    if entry.expression is None:
+        return Transfer.of_table(summarise(problem, MaterialTask(entry.name, 0)), planned.metric)
+    job = planned.job(entry.expression) if entry.kind == FOUND else planned.formula_job(entry.name)
     return Transfer.of_formula(transfer(problem, job))
 
 
-def with_tests(
-    exported: dict[str, Any], found: Transfers, materials: Sequence[NamedMaterial], metric: str
-) -> dict[str, Any]:
-    """The export as if these were the test materials of the run; what nothing was found of keeps its `test`."""
+def with_tests(result: Result, fits: Transfers, materials: Sequence[NamedMaterial]) -> Result:
+    """The result as if these were the test materials of the run; an entry without such fits keeps its own."""
+    refitted = {model for model, _ in fits}
 
-    def tested(entry: dict[str, Any]) -> dict[str, Any]:
-        model = model_of(entry)
-        if not any(known == model for known, _ in found):
+    def tested(entry: E) -> E:
+        name = stored_name(entry)
+        if name not in refitted:
             return entry
-        by_name = {one.name: found.get((model, one.name)) for one in materials}
-        return entry | transfer_entry(
-            by_name, metric, tuple(entry["parameters"]) if "parameters" in entry else None
-        )
+        by_material = {one.name: fits.get((name, one.name)) for one in materials}
+        return replace(entry, test=fit_on_tests(by_material, result.run.metric, entry.parameters))
 
-    return exported | {
-        "run": exported["run"] | {"test_materials": [one.name for one in materials]},
-        "front": [tested(entry) for entry in exported["front"]],
-        "baselines": [tested(entry) for entry in exported["baselines"]],
-    }
+    return replace(
+        result,
+        run=replace(result.run, test_materials=tuple(one.name for one in materials)),
+        formulas=tuple(map(tested, result.formulas)),
+        baselines=tuple(map(tested, result.baselines)),
+    )

@@ -57,9 +57,9 @@ def card_sheet(
 
 
 def _title(contender: Contender, scene: str) -> str:
-    formula = contender.expression or ""
+    formula = contender.entry.expression or ""
     cut = formula if len(formula) <= LONGEST else f"{formula[: LONGEST - 3]}..."
-    return f"{contender.title}, {contender.floats:,} floats a material, under {scene}" + (
+    return f"{contender.entry.title}, {contender.entry.floats:,} floats a material, under {scene}" + (
         f"\n{cut}" if cut else ""
     )
 

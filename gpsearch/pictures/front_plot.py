@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from gpsearch.pictures.reference_lines import ReferenceLines
+from gpsearch.run import Result
 
 FRONT_COLOUR, BASELINE_COLOUR, TEXT_COLOUR = "#1f5fa8", "#c4572b", "#333333"
 
@@ -24,39 +25,39 @@ PLACES: tuple[tuple[tuple[int, int], dict[str, Any]], ...] = (
 """Where a name may stand beside its point: offset in points, and the corner of the text that lies there."""
 
 
-def plot_front(exported: dict[str, Any], path: Path) -> None:
-    """Writes the plot of an exported front (see `gpsearch.exports`) as the image format that the suffix names."""
+def plot_front(result: Result, path: Path) -> None:
+    """Writes the plot of a result as the image format that the suffix names."""
     figure = Figure(figsize=(8, 5), dpi=150, layout="constrained")
     canvas = FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    front, baselines = exported["front"], exported["baselines"]
-    sizes, errors = [m["nodes"] for m in front], [m["error"] for m in front]
+    front, fitted = result.formulas, [b for b in result.baselines if b.error is not None]
+    sizes, errors = [formula.nodes for formula in front], [formula.error for formula in front]
     if front:
-        last = max(sizes + [b["nodes"] for b in baselines if "nodes" in b])
+        last = max(sizes + [b.nodes for b in result.baselines if b.nodes is not None])
         axes.step([*sizes, last * 1.05], [*errors, errors[-1]], where="post", color=FRONT_COLOUR, lw=1, alpha=0.5)
         axes.plot(sizes, errors, "o", color=FRONT_COLOUR, ms=5, label="found by the search")
-    drawn = [b for b in baselines if "nodes" in b and b["error"] is not None]
+    drawn = [(b.name, b.nodes, b.error) for b in fitted if b.nodes is not None and b.error is not None]
     if drawn:
         axes.plot(
-            [b["nodes"] for b in drawn],
-            [b["error"] for b in drawn],
+            [nodes for _, nodes, _ in drawn],
+            [error for *_, error in drawn],
             "D",
             color=BASELINE_COLOUR,
             ms=6,
             label="published, refitted",
         )
-    tabulated = [b for b in baselines if "nodes" not in b and b["error"] is not None]
-    lines = ReferenceLines(axes, tabulated, errors + [b["error"] for b in drawn], figure.dpi)
-    run = exported["run"]
+    tabulated = [(b.name, b.error) for b in fitted if b.nodes is None and b.error is not None]
+    lines = ReferenceLines(axes, tabulated, errors + [error for *_, error in drawn], figure.dpi)
+    run = result.run
     axes.set_yscale("log")
     axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter("{x:g}")
     axes.tick_params(which="both", labelsize=8, colors=TEXT_COLOUR)
     axes.set_xlabel("size of the formula (nodes)")
-    axes.set_ylabel(f"error ({run['metric']} metric, relative)")
+    axes.set_ylabel(f"error ({run.metric} metric, relative)")
     axes.set_title(
-        f"{run['name']}: {len(run['materials'])} materials, {run['candidates']:,} candidates"
-        f" in {max(run['seconds'] / 60, 0.1):.2g} min",
+        f"{run.name}: {len(run.materials)} materials, {run.candidates:,} candidates"
+        f" in {max(run.seconds / 60, 0.1):.2g} min",
         fontsize=10,
         color=TEXT_COLOUR,
     )
@@ -67,7 +68,7 @@ def plot_front(exported: dict[str, Any], path: Path) -> None:
     canvas.draw()
     lines.name()
     canvas.draw()
-    _name(axes, [(b["name"], b["nodes"], b["error"]) for b in drawn])
+    _name(axes, drawn)
     figure.savefig(path)
 
 

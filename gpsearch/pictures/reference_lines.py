@@ -1,7 +1,6 @@
 """Reference fits that have no size, in the plot of error against size: lines across it, named beside it."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,15 +20,15 @@ class ReferenceLines:
     """The lines of some baselines (name, error) in axes; `sized` are the errors of what has a size there."""
 
     def __init__(
-        self, axes: Axes, baselines: Sequence[dict[str, Any]], sized: Sequence[float], dpi: float
+        self, axes: Axes, baselines: Sequence[tuple[str, float]], sized: Sequence[float], dpi: float
     ) -> None:
         self._axes, self._dpi = axes, dpi
-        self._baselines = sorted(baselines, key=lambda b: (b["error"], b["name"]))
+        self._baselines = sorted(baselines, key=lambda b: (b[1], b[0]))
         self._highest = BEYOND * max(sized, default=np.inf)
         label = "tabulated references"
         for baseline in self._baselines:
             if not self._is_beyond(baseline):
-                axes.axhline(baseline["error"], color=COLOUR, lw=0.8, ls=(0, (5, 3)), zorder=1, label=label)
+                axes.axhline(baseline[1], color=COLOUR, lw=0.8, ls=(0, (5, 3)), zorder=1, label=label)
                 label = "_"  # one entry in the legend stands for all
 
     def name(self) -> None:
@@ -43,7 +42,7 @@ class ReferenceLines:
         for baseline, end, place in zip(self._baselines, ends, places, strict=True):
             beyond = self._is_beyond(baseline)
             self._axes.annotate(
-                f"{baseline['name']} ({baseline['error']:.2g} \N{UPWARDS ARROW})" if beyond else baseline["name"],
+                f"{baseline[0]} ({baseline[1]:.2g} \N{UPWARDS ARROW})" if beyond else baseline[0],
                 (1, (end - box.y0) / box.height),
                 (GAP_POINTS, place - end * points),
                 xycoords="axes fraction",
@@ -56,14 +55,14 @@ class ReferenceLines:
                 arrowprops=None if beyond else _LEADER,
             )
 
-    def _is_beyond(self, baseline: dict[str, Any]) -> bool:
-        return baseline["error"] > self._highest
+    def _is_beyond(self, baseline: tuple[str, float]) -> bool:
+        return baseline[1] > self._highest
 
-    def _end(self, baseline: dict[str, Any], top: float) -> float:
+    def _end(self, baseline: tuple[str, float], top: float) -> float:
         """The height of a line in pixels, the axes' upper edge where it is beyond."""
         if self._is_beyond(baseline):
             return top
-        return float(self._axes.transData.transform((1, baseline["error"]))[1])
+        return float(self._axes.transData.transform((1, baseline[1]))[1])
 
 
 _LEADER = {"arrowstyle": "-", "color": COLOUR, "lw": 0.6, "shrinkA": 1, "shrinkB": 0, "relpos": (0, 0.5)}

@@ -48,7 +48,7 @@ def _panel(axes: Axes, found: ScenePicks, limit: Limit) -> None:
         x, y = picked.offer.words(len(names)), _worst(picked.offer, names, limit)
         axes.plot(x, y, "o", ms=11, mfc="none", mec=PICK_COLOUR, mew=1.5, label="picked for all")
         said = f"{'the cheapest for all' if picked.within else 'none is within; nearest'}: "
-        said += picked.offer.contender.title
+        said += picked.offer.contender.entry.title
     axes.set_title(f"{found.scene.name}\n{said}", fontsize=9, color=TEXT_COLOUR)
     axes.set_xlabel(f"words to store for {len(names)} materials")
     axes.grid(True, which="major", lw=0.4, alpha=0.5)
@@ -56,7 +56,7 @@ def _panel(axes: Axes, found: ScenePicks, limit: Limit) -> None:
 
 
 def _style(offer: Offer) -> tuple[str, str, str]:
-    return STYLES.get(offer.contender.kind, TABLE_STYLE)
+    return STYLES.get(offer.contender.entry.kind, TABLE_STYLE)
 
 
 def _worst(offer: Offer, names: Sequence[str], limit: Limit) -> float:

@@ -1,6 +1,5 @@
 """What the front of a run was at every time of its search."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +7,7 @@ from pathlib import Path
 from fitters.fitting import RESIDUALS
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
-from gpsearch.run import Generation, Store
+from gpsearch.run import Generation, Store, non_dominated
 
 UNTOLD = ("seed", "budget.", "executor", "name")
 """Keys in which runs of one name may differ and still be repetitions of one search."""
@@ -91,7 +90,7 @@ class SearchedRun:
         front: list[Point] = []
         steps = []
         for seconds, arrived in self.arrivals:
-            after = non_dominated([*front, *arrived])
+            after = non_dominated([*front, *arrived], costs=lambda point: point)
             if after != front:
                 front = after
                 nodes, error = front[-1]
@@ -111,15 +110,6 @@ def curves(runs: Sequence[SearchedRun]) -> list[Curve]:
         _require_same_problem(first, other)
     reference = _reference(runs)
     return [run.curve(_name(run, runs), reference) for run in runs]
-
-
-def non_dominated(points: Sequence[Point]) -> list[Point]:
-    """The points that no other beats, by rising size and falling error."""
-    kept: list[Point] = []
-    for nodes, error in sorted(points):
-        if error < (kept[-1][1] if kept else math.inf):
-            kept.append((nodes, error))
-    return kept
 
 
 def hypervolume(front: Sequence[Point], reference: Reference) -> float:

@@ -1,25 +1,35 @@
-"""The Pareto front of error and size, and the store that keeps it."""
+"""The run directory: the store of all that a search needs to go on, its lock, and the result of a run."""
 
-from fitters.models import Baseline, FormulaBaseline, TabulatedBaseline
-from gpsearch.run.front import Front, Member, Screened
+from fitters.models import FormulaBaseline, TabulatedBaseline
+from gpsearch.run.front import Front, Member, Screened, non_dominated
 from gpsearch.run.known import Known
-from gpsearch.run.listed import ListedFormula, listed_formulas
+from gpsearch.run.loading import listed_expressions, load_run, open_run, result_of
+from gpsearch.run.result import Baseline, Entry, Formula, Result, RunInformation
 from gpsearch.run.store import Generation, Quarantined, Store
 from gpsearch.run.transfers import Transfer, combined
+from gpsearch.run.writing import WritableStore
 
 __all__ = [
     "Baseline",
+    "Entry",
+    "Formula",
     "FormulaBaseline",
     "Front",
     "Generation",
     "Known",
-    "ListedFormula",
     "Member",
     "Quarantined",
+    "Result",
+    "RunInformation",
     "Screened",
     "Store",
     "TabulatedBaseline",
     "Transfer",
+    "WritableStore",
     "combined",
-    "listed_formulas",
+    "listed_expressions",
+    "load_run",
+    "non_dominated",
+    "open_run",
+    "result_of",
 ]

@@ -1,7 +1,10 @@
 """The front: confirmed candidates that no other beats in error and size at once."""
 
-from collections.abc import Iterable
+import math
+import operator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 from fitters.fitting import Fit
 from gpsearch.genomes import Genome
@@ -34,8 +37,29 @@ class Screened:
     standard_error: float = 0.0
 
 
-def _order(member: Member) -> tuple[int, float, str, int, int]:
-    return (member.nodes, member.error, member.expression, member.generation, member.island)
+T = TypeVar("T")
+
+
+def non_dominated(
+    items: Iterable[T],
+    costs: Callable[[T], tuple[float, ...]],
+    ties: Callable[[T], Any] = lambda item: (),
+    *,
+    keep_equals: bool = False,
+) -> list[T]:
+    """The items that no other beats, sorted by their costs: none is at most as high in all costs and lower in one.
+
+    Of items with equal costs the first by `ties` stays, or all of them. An item with a cost that is not finite
+    does not compete.
+    """
+    kept: list[tuple[tuple[float, ...], T]] = []
+    finite = [(cost, item) for item in items if all(map(math.isfinite, cost := costs(item)))]
+    # Whatever beats an item is sorted before it.
+    for cost, item in sorted(finite, key=lambda pair: (pair[0], ties(pair[1]))):
+        better = (other for other, _ in kept if all(map(operator.le, other, cost)))
+        if all(keep_equals and other == cost for other in better):
+            kept.append((cost, item))
+    return [item for _, item in kept]
 
 
 SAME = 1e-4
@@ -53,11 +77,12 @@ class Front:
 
         Of equals in both the first by text stays, and of the same expression the oldest.
         """
-        kept: list[Member] = []
-        for member in sorted((*self.members, *candidates), key=_order):
-            if member.error < (kept[-1].error if kept else float("inf")):
-                kept.append(member)
-        return Front(tuple(kept))
+        members = non_dominated(
+            (*self.members, *candidates),
+            costs=lambda member: (member.nodes, member.error),
+            ties=lambda member: (member.expression, member.generation, member.island),
+        )
+        return Front(tuple(members))
 
     def error(self, nodes: int) -> float:
         """What an expression of this size must stay below to enter."""
@@ -66,8 +91,8 @@ class Front:
     def bar(self, nodes: int) -> float:
         """What an expression of this size must stay below on the small sample to be worth a confirmation.
 
-        The worse of the two errors of each member: a sample flatters some of them, and a flattered member must
-        not shut the door.
+        The larger of the two errors of each member: on the small sample some have a smaller error than on all
+        cells, and would exclude candidates that are better.
         """
         return min((max(m.screened, m.error) for m in self.members if m.nodes <= nodes), default=float("inf"))
 

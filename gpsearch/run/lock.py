@@ -1,4 +1,4 @@
-"""The lock of a run directory: one launcher at a time.
+"""The lock of a run directory: one process writes at a time.
 
 The kernel holds it for the launcher's life and lets go of it however the launcher ends. What the file says only
 serves messages.
@@ -56,10 +56,10 @@ def holder(folder: Path) -> Holder | None:
 
 
 def _read_holder(text: bytes) -> Holder | None:
-    """Whom a lock's file names, if it does: it may be torn by a loss of power, or about to be written."""
+    """Whom a lock's file names, if it does: it may be incomplete after a loss of power, or not yet written."""
     try:
-        found = json.loads(text)
-        return Holder(str(found["host"]), int(found["pid"]), str(found["started"]), str(found["version"]))
+        named = json.loads(text)
+        return Holder(str(named["host"]), int(named["pid"]), str(named["started"]), str(named["version"]))
     except (ValueError, TypeError, KeyError, RecursionError):
         return None
 
@@ -76,6 +76,7 @@ class RunLock:
 
     def __init__(self, folder: Path) -> None:
         """Makes the folder where it is missing. Raises `GpsearchError` where another launcher holds the lock."""
+        self.folder = folder
         self._path = folder / FILE
         try:
             folder.mkdir(parents=True, exist_ok=True)
@@ -100,8 +101,8 @@ class RunLock:
             holder = self._read()
             who = f" ({holder})" if holder else ""
             raise GpsearchError(
-                f"{folder}: another gpsearch launch runs here{who}; "
-                "stop that one, or name another directory with --run"
+                f"{folder}: another gpsearch writes to this run{who}; "
+                "wait for it or stop it, or name another directory with --run"
             ) from None
         except OSError as error:
             advice = "choose another --run"
@@ -132,6 +133,11 @@ class RunLock:
             raise GpsearchError(
                 f"{self._path}: cannot be written ({error.strerror}); make room there, or choose another --run"
             ) from None
+
+    @property
+    def held(self) -> bool:
+        """Whether it was not released yet."""
+        return self._descriptor >= 0
 
     def release(self) -> None:
         """Lets others have the lock; the empty file that stays says that the run ended cleanly."""

@@ -14,7 +14,7 @@ from fitters.expressions.canonical import Canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, confirm
 from fitters.grid import CHANNELS
 from gpsearch.evolution.island import Island, Offspring, advance, survive
-from gpsearch.run import Generation, Known, Member, Quarantined, Screened, Store
+from gpsearch.run import Generation, Known, Member, Quarantined, Screened, WritableStore
 from gpsearch.search.memory import Memory, Parameters, SharedKnowledge, named
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane, Stopped, WorkersError
@@ -41,7 +41,7 @@ class IslandSearch:
     def __init__(
         self,
         plan: Plan,
-        store: Store,
+        store: WritableStore,
         island: Island,
         shared: SharedKnowledge,
         *,

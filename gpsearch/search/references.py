@@ -6,12 +6,12 @@ from typing import Any
 from fitters.fitting import Description, DescriptionJob, describe
 from fitters.fitting.culling import CullJob, cull
 from fitters.models import MODELS, Fitter
-from gpsearch.run import Member, Quarantined, Store
+from gpsearch.run import Member, Quarantined, Store, WritableStore
 from gpsearch.search.plan import Plan
 from workers import Failure, Job, Lane
 
 
-def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
+def baseline_lanes(plan: Plan, store: WritableStore) -> tuple[int, list[Lane]]:
     """Lanes that fit and store the baselines that are not there yet, and how many tasks they have in all."""
     fitters = [MODELS[name] for name in plan.baselines if name not in store.baselines()]
     # One task over all materials takes longest.
@@ -20,7 +20,7 @@ def baseline_lanes(plan: Plan, store: Store) -> tuple[int, list[Lane]]:
     return sum(fitter.count_tasks(plan.materials) for fitter in fitters), lanes
 
 
-def _baseline(plan: Plan, store: Store, fitter: Fitter) -> Lane:
+def _baseline(plan: Plan, store: WritableStore, fitter: Fitter) -> Lane:
     """One stage after the other; the baseline is stored after the last."""
     stages = fitter.stages(plan.materials, plan.settings)
     stage = next(stages)
@@ -36,7 +36,7 @@ def _baseline(plan: Plan, store: Store, fitter: Fitter) -> Lane:
             return
 
 
-def _failed(store: Store, name: str, results: Sequence[Any]) -> bool:
+def _failed(store: WritableStore, name: str, results: Sequence[Any]) -> bool:
     """Whether a baseline could not be computed: it is quarantined, and tried again at the next launch."""
     failures = [result for result in results if isinstance(result, Failure)]
     if failures:
@@ -51,7 +51,7 @@ def unfinished(store: Store, members: Sequence[Member]) -> list[Member]:
     return [m for m in members if m.expression not in described or culled.get(m.expression, m) is None]
 
 
-def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> tuple[int, list[Lane]]:
+def description_lanes(plan: Plan, store: WritableStore, members: Sequence[Member]) -> tuple[int, list[Lane]]:
     """Lanes that describe and cull members on all cells, and store each step, and how many steps they have in all.
 
     A member that cannot be described is quarantined: no export has it. One that cannot be culled is, too, and
@@ -62,7 +62,7 @@ def description_lanes(plan: Plan, store: Store, members: Sequence[Member]) -> tu
     return steps, [_description(plan, store, m, described.get(m.expression)) for m in members]
 
 
-def _description(plan: Plan, store: Store, member: Member, description: Description | None) -> Lane:
+def _description(plan: Plan, store: WritableStore, member: Member, description: Description | None) -> Lane:
     """`description` is there where the member is only left to be culled."""
     job = plan.job(member.expression)
     if description is None:

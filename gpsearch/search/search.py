@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gpsearch.evolution.island import Island, migrate
-from gpsearch.run import Front, Generation, Member, Store
+from gpsearch.run import Front, Generation, Member, WritableStore
 from gpsearch.search.island_search import IslandSearch
 from gpsearch.search.memory import StoredKnowledge
 from gpsearch.search.plan import Plan
@@ -54,7 +54,7 @@ class Watcher(Protocol):
 class Search:
     """The search of one run. `run` returns when a budget is used up. Only whole generations are stored."""
 
-    def __init__(self, plan: Plan, store: Store, executor: Executor, watcher: Watcher) -> None:
+    def __init__(self, plan: Plan, store: WritableStore, executor: Executor, watcher: Watcher) -> None:
         self.plan, self.store, self.executor, self.watcher = plan, store, executor, watcher
         islands = store.islands() or self._new_islands()
         stored = StoredKnowledge(store, store.migrations * plan.migrate_every)

@@ -14,6 +14,7 @@ import signal
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,10 +25,10 @@ import numpy as np
 import yaml
 
 from fitters.engine.warm import warm_up
-from gpsearch.commands.runs import open_run
 from gpsearch.configuration import Configuration, parse_configuration
 from gpsearch.pictures.search_curves import Curve, SearchedRun, curves
-from gpsearch.run import Store
+from gpsearch.run import Store, WritableStore, open_run
+from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search
@@ -93,13 +94,14 @@ def configured(arm: Arm, seed: int, data: Path | None, extent: Extent = Extent()
 def run_arm(arm: Arm, configuration: Configuration, folder: Path) -> None:
     """Begins or goes on with an arm's run, in this process."""
     begun = (folder / FILE).exists()
-    store = Store.open(folder) if begun else Store.create(folder, configuration.text())
-    with store.transaction():
-        store.set_meta("configuration", configuration.text())
-        store.set_meta("folder", str(configuration.folder.resolve()))
-    with substituted(arm):
-        TimedByItsProcessor(plan(configuration), store, ConfirmingFirst(), Silent()).run()
-    store.close()
+    with RunLock(folder) as lock:
+        store = WritableStore.of(lock) if begun else WritableStore.create(lock, configuration.text())
+        with closing(store):
+            with store.transaction():
+                store.set_meta("configuration", configuration.text())
+                store.set_meta("folder", str(configuration.folder.resolve()))
+            with substituted(arm):
+                TimedByItsProcessor(plan(configuration), store, ConfirmingFirst(), Silent()).run()
 
 
 def in_turns(works: Mapping[str, Callable[[], None]], slice_seconds: float = SLICE_SECONDS) -> None:

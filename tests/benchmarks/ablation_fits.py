@@ -15,7 +15,8 @@ from fitters.backends import program
 from fitters.expressions import parse
 from fitters.fitting import Candidate, Problem, refit
 from gpsearch.configuration import Configuration
-from gpsearch.run import Store
+from gpsearch.run import WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search.plan import Plan, plan
 from tests.benchmarks.arms import ARMS, lower_without_split, substituted
 from tests.benchmarks.runs import Silent
@@ -74,7 +75,7 @@ def table(configurations: dict[str, Configuration], extent: Extent = Extent()) -
 def _recorded(planned: Plan) -> list[Candidate]:
     """What a search screens after its first generation, with the bar and the warm start of each."""
     with tempfile.TemporaryDirectory() as folder:
-        store = Store.create(Path(folder) / "run", "")
+        store = WritableStore.create(RunLock(Path(folder) / "run"), "")
         search = RecordedSearch(planned, store, LocalExecutor(), Silent())
         search._search()
         store.close()

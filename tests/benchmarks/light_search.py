@@ -18,7 +18,8 @@ from fitters.judging.metrics import IMAGE_METRICS
 from fitters.models.formula import formula_models
 from fitters.rendering import image_map
 from fitters.scenes import load_light
-from gpsearch.run import Member, Store
+from gpsearch.run import Member, WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search.search import Search
 from tests.benchmarks.light import RESOLUTION, SAMPLINGS, SEEN
 from tests.benchmarks.point_sampled import point_sampled
@@ -92,7 +93,10 @@ def found(of: ProblemRecipe, build: object, seed: int, extent: Extent) -> Sequen
         of, islands=extent.islands, size=extent.size, generations=extent.generations, early_stopping=True
     )
     planned = replace(planned, seed=seed, recipe=Recipe(build, of))  # type: ignore[arg-type]
-    with tempfile.TemporaryDirectory() as folder, closing(Store.create(Path(folder), "")) as store:
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        closing(WritableStore.create(RunLock(Path(folder)), "")) as store,
+    ):
         with open_executor(LocalSettings()) as executor:
             Search(planned, store, executor, Silent()).run()
         return store.front().members

@@ -23,6 +23,7 @@ from fitters.engine.warm import warm_up
 from fitters.fitting import ProblemRecipe
 from gpsearch.evolution import island as evolution
 from gpsearch.evolution.island import Island
+from gpsearch.run.lock import RunLock
 from gpsearch.search.plan import Plan
 from tests.benchmarks import simulation
 from tests.benchmarks.metering import (
@@ -159,10 +160,10 @@ def run(
     meter = Meter(processes)
     with (
         tempfile.TemporaryDirectory() as folder,
-        open_executor(DaskSettings(scheduler=address)) as executor,
         meter.attached(),
+        open_executor(DaskSettings(scheduler=address)) as executor,
     ):
-        store = MeteredStore.create(Path(folder) / "run", "")
+        store = MeteredStore.create(RunLock(Path(folder) / "run"), "")
         assert isinstance(store, MeteredStore)
         store.meter = meter
         UndescribedSearch(planned, store, MeteredExecutor(executor, meter), meter).run()

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fitters.fitting import ProblemRecipe
-from gpsearch.run import Generation, Store
+from gpsearch.run import Generation, WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search.search import Search, SearchStatus
 from tests.benchmarks.runs import Silent, plan
 from tests.benchmarks.table import Cell, Table
@@ -55,7 +56,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         tempfile.TemporaryDirectory() as folder,
         open_executor(DaskSettings(workers=extent.processes)) as executor,
     ):
-        store = Store.create(Path(folder) / "run", "")
+        store = WritableStore.create(RunLock(Path(folder) / "run"), "")
         Search(planned, store, executor, clock).run()
         history, total, members = store.generations(), store.seconds, len(store.front().members)
         store.close()

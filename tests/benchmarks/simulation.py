@@ -23,7 +23,8 @@ from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
 from fitters.fitting.fit import POOR
 from fitters.grid import CHANNELS
-from gpsearch.run import Store
+from gpsearch.run import WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search import island_search
 from gpsearch.search.plan import Plan
 from tests.benchmarks.metering import UndescribedSearch
@@ -91,7 +92,7 @@ def record(planned: Plan) -> Recording:
     context_of(planned.recipe)
     executor = _TimingExecutor()
     with tempfile.TemporaryDirectory() as folder:
-        store = Store.create(Path(folder) / "run", "")
+        store = WritableStore.create(RunLock(Path(folder) / "run"), "")
         UndescribedSearch(planned, store, executor, Silent()).run()
         store.close()
     screened = [(seconds, done.result) for seconds, done in executor.timed if done.job.kind == "screen"]

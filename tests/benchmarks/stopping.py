@@ -11,7 +11,8 @@ from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Fit, Problem, ProblemRecipe
 from gpsearch.evolution.island import Island, Offspring
-from gpsearch.run import Generation, Member, Store
+from gpsearch.run import Generation, Member, WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search.island_search import IslandSearch
 from gpsearch.search.plan import Plan
 from gpsearch.search.search import Search
@@ -78,7 +79,7 @@ def tables(recipe: ProblemRecipe, extent: Extent = Extent()) -> Iterator[Table]:
         early_stopping=True,
     )
     with tempfile.TemporaryDirectory() as folder:
-        store = Store.create(Path(folder) / "run", "")
+        store = WritableStore.create(RunLock(Path(folder) / "run"), "")
         search = RecordedSearch(planned, store, LocalExecutor(), Silent())
         search.run()
         store.close()

@@ -4,8 +4,8 @@ import io
 import json
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import chdir, redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterator
+from contextlib import chdir, closing, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -15,7 +15,8 @@ import yaml
 from fitters.scenes import light_table
 from gpsearch.commands import main
 from gpsearch.configuration import Configuration, parse_configuration
-from gpsearch.run import Store
+from gpsearch.run import Store, WritableStore
+from gpsearch.run.lock import RunLock
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search, SearchStatus
 from workers import Executor, Incident
@@ -82,13 +83,31 @@ def run_search(
     watcher: Watching | None = None,
     executor: Executor | None = None,
 ) -> Store:
-    """Runs or goes on with a search in a folder, in this process by default; its store, still open."""
-    store = Store.open(folder) if (folder / "run.sqlite").exists() else Store.create(folder, configuration.text())
-    with store.transaction():
-        # As a launch does, so that one may go on with it.
-        store.set_meta("light_sha256", light_table(configuration.scene.recipe, base=configuration.folder).sha256)
-    Search(plan(configuration), store, executor or LocalExecutor(), watcher or Watching()).run()
-    return store
+    """Runs or goes on with a search in a folder, in this process by default; its store, for reading."""
+    if not (folder / "run.sqlite").exists():
+        make_store(folder, configuration.text())
+    with writing(folder) as store:
+        with store.transaction():
+            # As a launch does, so that one may go on with it.
+            store.set_meta(
+                "light_sha256", light_table(configuration.scene.recipe, base=configuration.folder).sha256
+            )
+        Search(plan(configuration), store, executor or LocalExecutor(), watcher or Watching()).run()
+    return Store.open(folder)
+
+
+def make_store(folder: Path, configuration: str) -> Path:
+    """Makes a run directory without generations."""
+    with RunLock(folder) as lock:
+        WritableStore.create(lock, configuration).close()
+    return folder
+
+
+@contextmanager
+def writing(folder: Path) -> Iterator[WritableStore]:
+    """The store of a run directory under its lock."""
+    with RunLock(folder) as lock, closing(WritableStore.of(lock)) as store:
+        yield store
 
 
 def without_times(exported: dict[str, Any] | Path) -> str:

@@ -41,8 +41,8 @@ class Frame:
     """
 
     def __init__(self, chart: Chart) -> None:
-        errors = [e for model in chart.fitted for e in (model.error, model.test_error) if e]
-        within = [error for error in errors if error <= 1 or not RESIDUALS[chart.metric].normalised] or errors
+        errors = [e for model in chart.fitted for e in (model.error, model.entry.test_error) if e]
+        within = [error for error in errors if error <= 1 or not RESIDUALS[chart.run.metric].normalised] or errors
         self.bottom = min(within, default=1.0) / 1.35
         self.top = max(within, default=1.0) * 1.2
         self._left = {axis.key: _half_of_least(chart, axis.key) for axis in AXES}
@@ -53,13 +53,13 @@ class Frame:
 
     def test_spot(self, model: Charted, key: str) -> Spot | None:
         """Where its error on test materials is drawn; None where there is none, or in the place of the other."""
-        if model.test_error is None:
+        if model.entry.test_error is None:
             return None
-        spot = self._at(model, key, model.test_error)
+        spot = self._at(model, key, model.entry.test_error)
         return None if spot == self.spot(model, key) else spot
 
     def _at(self, model: Charted, key: str, error: float) -> Spot:
-        cost = getattr(model, key)
+        cost = model.cost(key)
         x = cost or self._left[key]
         if error < self.bottom:
             return Spot(x, self.bottom, "bottom")
@@ -76,7 +76,7 @@ class Frame:
 
 def _half_of_least(chart: Chart, key: str) -> float:
     """Where a cost of 0 is drawn."""
-    return min((cost for model in chart.fitted if (cost := getattr(model, key))), default=1.0) / 2
+    return min((cost for model in chart.fitted if (cost := model.cost(key))), default=1.0) / 2
 
 
 def digits(low: float, high: float) -> str:
@@ -85,9 +85,9 @@ def digits(low: float, high: float) -> str:
 
 
 def title(chart: Chart) -> str:
-    count, tests = len(chart.materials), len(chart.tests)
+    count, tests = len(chart.run.materials), len(chart.run.test_materials)
     tested = f", tested on {tests} other{'s' if tests > 1 else ''}" if tests else ""
-    return f"{chart.run}: error against cost, {count} material{'s' if count > 1 else ''}{tested}"
+    return f"{chart.run.name}: error against cost, {count} material{'s' if count > 1 else ''}{tested}"
 
 
 def edge_remark(model: Charted, spot: Spot) -> str:

@@ -7,8 +7,9 @@ from fitters.judging.timing import Timing, closure, coherent, empty, incoherent,
 from fitters.materials import Material
 from fitters.models import MeasuredTable, Model
 from gpsearch.configuration import Configuration
-from gpsearch.judging import Contender
+from gpsearch.judging.contenders import Contender
 from gpsearch.pictures.chart.models import MEASURED
+from gpsearch.run.result import FOUND
 from gpsearch.search.plan import plan, problem_recipe
 
 EMPTY = "empty"
@@ -22,7 +23,7 @@ def timings(
     Each is timed with its model of one of the run's materials: what others of them cost differs by noise only.
     """
     models: dict[str, Model] = {
-        one.name: one.models[material.name] for one in contenders if material.name in one.models
+        one.entry.name: one.models[material.name] for one in contenders if material.name in one.models
     }
     models[MEASURED] = MeasuredTable(material.table)
     closures = {name: closure(model) for name, model in models.items()} | {EMPTY: empty()}
@@ -31,11 +32,11 @@ def timings(
 
 
 def timed_fits(configuration: Configuration, contenders: Sequence[Contender]) -> Iterator[tuple[str, float]]:
-    """Names of the formulas that have no such time, each with the seconds of its fit to all materials.
+    """Ids of the formulas, which have no such time, each with the seconds of its fit to all materials.
 
     One fit after the other, in this process.
     """
-    untimed = [one for one in contenders if one.fit_seconds is None and one.expression is not None]
+    untimed = [one.entry for one in contenders if one.entry.kind == FOUND]
     if not untimed:
         return
     problem, planned = problem_recipe(configuration).build(), plan(configuration)

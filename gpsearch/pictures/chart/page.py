@@ -94,7 +94,7 @@ def _figure(chart: Chart) -> go.Figure:
     for column, axis in enumerate(AXES, 1):
         for trace in _traces(chart, frame, axis.key):
             figure.add_trace(trace, 1, column)
-        shown = [frame.spot(model, axis.key).x for model in chart.fitted if getattr(model, axis.key) is not None]
+        shown = [frame.spot(model, axis.key).x for model in chart.fitted if model.cost(axis.key) is not None]
         low, high = min([*shown, chart.empty.ns] if axis.key == "ns" else shown), max(shown)
         figure.update_xaxes(
             title_text=axis.label,
@@ -107,7 +107,7 @@ def _figure(chart: Chart) -> go.Figure:
     span = [math.log10(frame.bottom / 1.05), math.log10(frame.top * 1.05)]
     figure.update_yaxes(type="log", gridcolor="#e6e6e6", range=span, zeroline=False)
     figure.update_yaxes(tickvals=_ticks(frame.bottom, frame.top))
-    figure.update_yaxes(title_text=f"error ({chart.metric} metric, relative)", row=1, col=1)
+    figure.update_yaxes(title_text=f"error ({chart.run.metric} metric, relative)", row=1, col=1)
     figure.add_vline(x=chart.empty.ns, line={"color": FRONT_COLOUR, "width": 1, "dash": "dot"}, row=1, col=1)
     figure.update_layout(
         template="plotly_white",
@@ -129,7 +129,7 @@ def _ticks(low: float, high: float) -> list[float]:
 
 def _legend(chart: Chart) -> Iterator[go.Scatter]:
     """A trace without points for each kind that there is, and for the marks."""
-    there = {model.kind for model in chart.fitted}
+    there = {model.entry.kind for model in chart.fitted}
     for name, kind in KINDS.items():
         if name in there:
             marker = {"color": kind.colour, "size": 9}
@@ -143,11 +143,11 @@ def _traces(chart: Chart, frame: Frame, key: str) -> Iterator[go.Scatter]:
     steps = frame.steps(chart, key)
     x, y = zip(*steps, strict=True) if steps else ((), ())
     yield go.Scatter(x=x, y=y, mode="lines", line=STEPS, hoverinfo="skip", legendgroup="steps", showlegend=False)
-    shown = [model for model in chart.fitted if getattr(model, key) is not None]
+    shown = [model for model in chart.fitted if model.cost(key) is not None]
     ringed = [model for model in shown if model.unbeaten_together]
     yield _markers(ringed, frame, key, legendgroup="ring", hoverinfo="skip", marker=RING)
     for name, kind in KINDS.items():
-        models = [model for model in shown if model.kind == name]
+        models = [model for model in shown if model.entry.kind == name]
         marker = {
             "size": 9,
             "opacity": 1,
@@ -169,25 +169,25 @@ def _markers(models: Sequence[Charted], frame: Frame, key: str, **style: Any) ->
         showlegend=False,
         cliponaxis=False,
         unselected={"marker": {"opacity": 0.12}},
-        customdata=[[model.name, _about(model), model.expression or ""] for model in models],
+        customdata=[[model.entry.name, _about(model), model.entry.expression or ""] for model in models],
         **style,
     )
 
 
 def _about(model: Charted) -> str:
     """A model's numbers in a line."""
-    parts = [f"{model.title} ({KINDS[model.kind].label})", f"error {model.error:.4g}"]
-    if model.test_error is not None:
-        parts.append(f"error on test materials {model.test_error:.4g}")
+    parts = [f"{model.title} ({KINDS[model.entry.kind].label})", f"error {model.error:.4g}"]
+    if model.entry.test_error is not None:
+        parts.append(f"error on test materials {model.entry.test_error:.4g}")
     if model.timing:
         parts.append(f"{model.timing.ns:.3g} ns ({model.timing.low:.3g} to {model.timing.high:.3g})")
     if model.coherent:
         parts.append(f"{model.coherent.ns:.3g} ns coherent")
     if model.fit_seconds is not None:
         parts.append(f"fit {model.fit_seconds:.3g} s")
-    if model.nodes is not None:
-        parts.append(f"{model.nodes} nodes")
-    parts.append(f"{model.floats:,} floats a material")
+    if model.entry.nodes is not None:
+        parts.append(f"{model.entry.nodes} nodes")
+    parts.append(f"{model.entry.floats:,} floats a material")
     return ", ".join(parts)
 
 
@@ -197,7 +197,7 @@ def _hover(model: Charted) -> str:
     lines.append(f"non-dominated in: {', '.join(free) or 'nothing'}")
     if model.unbeaten_together:
         lines.append("non-dominated in error, ns and floats together")
-    if model.expression:
-        lines += [html.escape(line) for line in textwrap.wrap(model.expression, HOVER_COLUMNS)]
-    lines += [html.escape(line) for said in model.warnings for line in textwrap.wrap(said, HOVER_COLUMNS)]
+    if model.entry.expression:
+        lines += [html.escape(line) for line in textwrap.wrap(model.entry.expression, HOVER_COLUMNS)]
+    lines += [html.escape(line) for said in model.entry.warnings for line in textwrap.wrap(said, HOVER_COLUMNS)]
     return "<br>".join(lines)

@@ -55,7 +55,7 @@ def drawn(chart: Chart) -> Figure:
     figure.subplots_adjust(left=0.06, right=0.84, top=1 - 0.55 / height, bottom=1.05 / height, wspace=0.09)
     for axes, axis in zip(panels, AXES, strict=True):
         _draw(axes, axis, chart)
-    panels[0].set_ylabel(f"error ({chart.metric} metric, relative)", color=TEXT_COLOUR)
+    panels[0].set_ylabel(f"error ({chart.run.metric} metric, relative)", color=TEXT_COLOUR)
     figure.suptitle(title(chart), x=0.06, ha="left", fontsize=11, color=TEXT_COLOUR)
     _legend(figure, chart)
     canvas.draw()
@@ -73,10 +73,10 @@ def _draw(axes: Axes, axis: Axis, chart: Chart) -> None:
     if steps:
         axes.step(*zip(*steps, strict=True), where="post", color=FRONT_COLOUR, lw=1, zorder=1)
     for model in chart.fitted:
-        if getattr(model, axis.key) is not None:
+        if model.cost(axis.key) is not None:
             spot = frame.spot(model, axis.key)
-            axes.axhline(spot.y, color=KINDS[model.kind].colour, lw=0.4, alpha=0.22, zorder=0)
-            _mark_test(axes, spot, frame.test_spot(model, axis.key), KINDS[model.kind].colour)
+            axes.axhline(spot.y, color=KINDS[model.entry.kind].colour, lw=0.4, alpha=0.22, zorder=0)
+            _mark_test(axes, spot, frame.test_spot(model, axis.key), KINDS[model.entry.kind].colour)
             _mark(axes, spot, model, filled=axis.key in model.unbeaten)
     if axis.key == "ns":
         axes.axvline(chart.empty.ns, color=FRONT_COLOUR, lw=0.8, ls=(0, (1, 2)))
@@ -91,7 +91,7 @@ def _draw(axes: Axes, axis: Axis, chart: Chart) -> None:
 
 
 def _mark(axes: Axes, spot: Spot, model: Charted, *, filled: bool) -> None:
-    colour = KINDS[model.kind].colour
+    colour = KINDS[model.entry.kind].colour
 
     def mark(marker: str, size: float, face: str, edge: str, width: float) -> None:
         axes.plot(
@@ -134,7 +134,7 @@ def _name(axes: Axes, chart: Chart, dpi: float) -> None:
     ends = np.array([axes.transData.transform((1, spot.y))[1] for spot in spots])
     places = spread(ends * points, SPACING_POINTS, box.y0 * points, box.y1 * points)
     for model, spot, end, place in zip(models, spots, ends, places, strict=True):
-        colour = KINDS[model.kind].colour
+        colour = KINDS[model.entry.kind].colour
         axes.annotate(
             model.title + edge_remark(model, spot),
             (1, (end - box.y0) / box.height),
@@ -162,7 +162,7 @@ def _legend(figure: Figure, chart: Chart) -> None:
     def entry(label: str, **style: object) -> Line2D:
         return Line2D([], [], ls="none", marker="o", ms=MARKER_POINTS, label=label, **style)  # type: ignore[arg-type]
 
-    there = {model.kind for model in chart.fitted}
+    there = {model.entry.kind for model in chart.fitted}
     handles = [entry(kind.label, color=kind.colour) for name, kind in KINDS.items() if name in there]
     handles += [
         entry("another model is better in both", mfc="white", mec=TEXT_COLOUR),
@@ -173,7 +173,7 @@ def _legend(figure: Figure, chart: Chart) -> None:
         ),
         Line2D([], [], color=FRONT_COLOUR, lw=0.8, ls=(0, (1, 2)), label="an empty call"),
     ]  # fmt: skip
-    if chart.tests:
+    if chart.run.test_materials:
         handles.append(
             Line2D(
                 [], [], color=TEXT_COLOUR, lw=0.6, marker="o", ms=TEST_POINTS, mfc="white", mew=0.7,

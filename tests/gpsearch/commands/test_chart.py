@@ -8,11 +8,10 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.judging.timing import coherent, incoherent
-from gpsearch.exports import front_json
 from gpsearch.pictures.chart import measuring
-from gpsearch.run import Store
+from gpsearch.run import Store, result_of
 from tests.gpsearch.pictures.chart.test_charts import traces
-from tests.gpsearch.small import gpsearch, run_search, small
+from tests.gpsearch.small import gpsearch, make_store, run_search, small
 
 FILES = ("chart.png", "chart.svg", "chart.html", "chart.csv")
 
@@ -22,7 +21,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("chart")
     configuration = small(folder, budget={"generations": 2}, baselines=["lambert", "bivariate"])
     run_search(folder / "run", configuration).close()
-    Store.create(folder / "empty", configuration.text()).close()
+    make_store(folder / "empty", configuration.text())
     return folder
 
 
@@ -37,7 +36,7 @@ def test_a_run_is_charted(folder, monkeypatch):
     assert all((charts / name).stat().st_size > 500 for name in FILES)
 
     store = Store.open(folder / "run")
-    exported = front_json(store, small(folder, baselines=["lambert", "bivariate"]))
+    exported = result_of(store, small(folder, baselines=["lambert", "bivariate"])).to_json()
     store.close()
     expected = {member["id"]: member for member in exported["front"]}
     expected |= {baseline["name"]: baseline for baseline in exported["baselines"]}
@@ -63,7 +62,7 @@ def test_the_errors_on_test_materials_are_those_of_the_export(tmp_path, monkeypa
     monkeypatch.setattr(measuring, "coherent", lambda: coherent(20_000))
     configuration = small(tmp_path, test_materials=["builtin:fabric"], budget={"generations": 1})
     store = run_search(tmp_path / "run", configuration)
-    exported = front_json(store, configuration)
+    exported = result_of(store, configuration).to_json()
     store.close()
     result = gpsearch("chart", "run", "--json", cwd=tmp_path)
     assert result.returncode == 0, result.stderr

@@ -9,7 +9,17 @@ import pytest
 
 from gpsearch.exports import schema
 from gpsearch.run import Generation, Quarantined, Store
-from tests.gpsearch.small import GPSEARCH, Watching, gpsearch, run_search, small, small_text, without_times
+from tests.gpsearch.small import (
+    GPSEARCH,
+    Watching,
+    gpsearch,
+    make_store,
+    run_search,
+    small,
+    small_text,
+    without_times,
+    writing,
+)
 
 COOK = "p0 / pi + p1 * pow(wh.z, p2)"
 
@@ -89,8 +99,8 @@ def test_status_says_where_a_run_stands(folder):
 
 
 def test_status_tells_what_went_wrong_on_the_cluster(folder):
-    store = Store.create(folder / "hard", small(folder, budget={"candidates": 64}).text())
-    with store.transaction():
+    hard = make_store(folder / "hard", small(folder, budget={"candidates": 64}).text())
+    with writing(hard) as store, store.transaction():
         store.save_generation(Generation(0, 1, 16, 16, 0, 1, 0.5, 2.0, {}))
         store.save_seconds(10.0)
         store.save_quarantined([Quarantined("p0 / wh.z", "screen", "did not end within 60 s, 2 times", 1, 3)])
@@ -98,7 +108,6 @@ def test_status_tells_what_went_wrong_on_the_cluster(folder):
         store.log("lost", "tcp://10.0.0.7:4321")
         for count in ("3", "4"):
             store.log("retry", count)
-    store.close()
     shown = gpsearch("status", "hard", cwd=folder).stdout
     assert "30 s left" in shown
     assert "workers: 2 joined, 2 there" in shown
@@ -120,7 +129,7 @@ def test_status_tells_what_went_wrong_on_the_cluster(folder):
 
 
 def test_status_of_a_run_that_has_done_nothing_yet(folder):
-    Store.create(folder / "empty", small(folder).text()).close()
+    make_store(folder / "empty", small(folder).text())
     assert object_on_stdout(gpsearch("status", "empty", "--json", cwd=folder))["best"] is None
     assert gpsearch("status", "empty", cwd=folder).returncode == 0
 

@@ -152,7 +152,7 @@ def test_a_second_launcher_is_refused_while_the_first_one_runs(folder):
     with launched(folder) as process:
         wait_for(process.stderr, "small starts")
         message = refused(gpsearch_process("launch", "small.yaml", "--run", "run", cwd=folder), 2)
-        assert f"run: another gpsearch launch runs here (process {process.pid} on " in message
+        assert f"run: another gpsearch writes to this run (process {process.pid} on " in message
         running = json.loads(gpsearch("status", "run", "--json", cwd=folder).stdout)["running"]
         assert running == {"host": socket.gethostname(), "pid": process.pid}
         process.kill()

@@ -12,10 +12,9 @@ from fitters.judging.card import Judge
 from fitters.materials import load_material
 from fitters.materials.merl import write_merl
 from fitters.models import MODELS, FormulaModel
-from gpsearch.exports import front_json
 from gpsearch.judging import scenes
 from gpsearch.judging.scenes import scene_of
-from gpsearch.run import Store
+from gpsearch.run import Store, result_of
 from tests.gpsearch.small import gpsearch, run_search, small, small_text
 
 TRAIN, TEST = ["glossy-plastic", "rough-plastic"], ["fabric"]
@@ -63,7 +62,7 @@ def report(folder):
 
 def exported(folder: Path, run: str = "run") -> dict[str, Any]:
     store = Store.open(folder / run)
-    found = front_json(store, small(folder, **CHANGES))
+    found = result_of(store, small(folder, **CHANGES)).to_json()
     store.close()
     return found
 

@@ -14,11 +14,10 @@ from fitters.grid import cell_directions
 from fitters.materials import load_material
 from fitters.scenes import Scene, light_table
 from gpsearch import __version__
-from gpsearch.exports import front_json, schema
-from gpsearch.exports.front_json import to_text
+from gpsearch.exports import schema
 from gpsearch.genomes import Genome, reify
-from gpsearch.run import Store
-from tests.gpsearch.small import Watching, run_search, small
+from gpsearch.run import Store, result_of
+from tests.gpsearch.small import Watching, make_store, run_search, small
 
 MATERIALS = ["builtin:metal", "builtin:fabric"]
 
@@ -39,7 +38,7 @@ def configuration(folder: Path):
 def exported(folder: Path) -> dict[str, Any]:
     """The export as a reader of the file gets it."""
     store = Store.open(folder / "run")
-    text = to_text(front_json(store, configuration(folder)))
+    text = result_of(store, configuration(folder)).to_text()
     store.close()
     return json.loads(text)
 
@@ -145,14 +144,14 @@ def test_the_same_run_gives_the_same_text(folder):
     texts = set()
     for _ in range(2):
         store = Store.open(folder / "run")
-        texts.add(to_text(front_json(store, configuration(folder))))
+        texts.add(result_of(store, configuration(folder)).to_text())
         store.close()
     assert len(texts) == 1
 
 
 def test_a_run_without_generations_has_an_empty_front(tmp_path):
-    store = Store.create(tmp_path / "run", "")
-    exported = front_json(store, small(tmp_path))
+    store = Store.open(make_store(tmp_path / "run", ""))
+    exported = result_of(store, small(tmp_path)).to_json()
     jsonschema.validate(exported, schema(), jsonschema.Draft202012Validator)
     assert (exported["front"], exported["run"]["generations"]) == ([], 0)
 
@@ -166,4 +165,4 @@ def test_members_that_are_not_described_yet_are_left_out(tmp_path):
         run_search(tmp_path / "run", small(tmp_path, budget={"generations": 1}), Watching(stop))
     store = Store.open(tmp_path / "run")
     assert store.front().members
-    assert front_json(store, small(tmp_path))["front"] == []
+    assert result_of(store, small(tmp_path)).to_json()["front"] == []

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from fitters.scenes import Scene
-from gpsearch.judging import Contender
+from gpsearch.judging.contenders import Contender
 from gpsearch.judging.generality import ERROR, IMAGES, Scored
 from gpsearch.judging.generality_report import Generality, generality_json, generality_text
 from gpsearch.judging.scenes import NamedScene
+from tests.gpsearch.entries import entry, formula
 
 FIGURE_6 = {
     "steel": (0.083, 0.052, 0.369),
@@ -24,7 +25,7 @@ NAMES = tuple(FIGURE_6)
 
 
 def scored(values: dict[str, float | None], metric: str = "l2") -> Scored:
-    contender = Contender("x", "found", "p0", 1, 3, 0.1, None, (), {})
+    contender = Contender(formula("x", 0.1, 1), {})
     return Scored(contender, {name: {metric: value} for name, value in values.items()})
 
 
@@ -57,7 +58,7 @@ def test_what_has_no_score_has_no_mean_and_nothing_lies_below_it(missing):
 
 def model(name: str, kind: str, value: float | None) -> Scored:
     """A model with this score by every metric on `a`, and twice it on `b`."""
-    contender = Contender(name, kind, "p0", 1, 3, value, None, (), {})
+    contender = Contender(entry(name, kind, 0.1 if value is None else value, nodes=1, expression="p0"), {})
     second = None if value is None else 2 * value
     return Scored(contender, {at: dict.fromkeys((ERROR, *IMAGES), v) for at, v in (("a", value), ("b", second))})
 
@@ -65,7 +66,7 @@ def model(name: str, kind: str, value: float | None) -> Scored:
 def report(*models: Scored) -> Generality:
     scene = NamedScene("studio", Scene(), Path())
     references = model("cook-torrance", "formula", 0.2), model("ggx", "formula", 0.1)
-    found = [one for one in models if one.contender.kind == "found"]
+    found = [one for one in models if one.contender.entry.kind == "found"]
     every = (*models, *references)
     return Generality("metals", scene, "light", ("a",), ("b",), every, found[-1] if found else None)
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from fitters.fitting.sharing import Sharing
-from gpsearch.judging import Contender
+from gpsearch.judging.contenders import Contender
 from gpsearch.judging.offers import Offer
 from gpsearch.judging.picking import pick
 from gpsearch.judging.tolerance import parse_tolerance
+from tests.gpsearch.entries import baseline, formula
 
 NAMES = ("a", "b", "c")
 TOLERANCE = parse_tolerance("psnr>=40 and light<=0.1")
@@ -20,22 +21,16 @@ SUBSETS = [("a",), ("c",), NAMES]
 def offer(rng, number):
     """A table, or a formula of up to four parameters; every tenth has no model of `c`."""
     able = NAMES[:2] if number % 10 == 9 else NAMES
-    formula = bool(rng.random() < 0.7)
+    is_formula = bool(rng.random() < 0.7)
     parameters = int(rng.integers(0, 5))
-    contender = Contender(
-        name=f"o{number}",
-        kind="found" if formula else "table",
-        expression="wh.z" if formula else None,
-        nodes=int(rng.integers(5, 60)) if formula else None,
-        floats=3 * parameters if formula else int(rng.integers(10, 200)),
-        error=0.1,
-        fit_seconds=None,
-        warnings=(),
-        models={},
-    )
+    if is_formula:
+        symbols = {f"p{i}": {} for i in range(parameters)}
+        entry = formula(f"o{number}", 0.1, int(rng.integers(5, 60)), expression="wh.z", parameters=symbols)
+    else:
+        entry = baseline(f"o{number}", 0.1, floats=int(rng.integers(10, 200)))
     values = {name: {"psnr": 40 + 12 * rng.normal(), "light": 0.1 * np.exp(rng.normal())} for name in able}
-    sharing = Sharing.nothing([f"p{i}" for i in range(parameters)]) if formula else None
-    return Offer(contender, "run", float(rng.uniform(10, 99)), dict.fromkeys(able), values, sharing)
+    sharing = Sharing.nothing([f"p{i}" for i in range(parameters)]) if is_formula else None
+    return Offer(Contender(entry, {}), "run", float(rng.uniform(10, 99)), dict.fromkeys(able), values, sharing)
 
 
 def shared(offer, names):
@@ -61,7 +56,7 @@ def test_nothing_within_is_cheaper_whatever_is_shared(seed, names):
     by_size, by_speed = (pick(offers, names, TOLERANCE, by, shared) for by in ("size", "speed"))
     assert by_size.within == by_speed.within == bool(able)
     if able:
-        words = [(one.contender.nodes or 0) + one.numbers(count) for one in able]
+        words = [(one.contender.entry.nodes or 0) + one.numbers(count) for one in able]
         assert by_size.offer.nodes + by_size.offer.numbers(count) == min(words)
         assert by_speed.offer.nanoseconds == min(one.nanoseconds for one in able)
         assert within(by_size.offer, names)

@@ -9,13 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
-from gpsearch.pictures import plot_front
+from gpsearch.pictures.front_plot import plot_front
 from gpsearch.pictures.reference_lines import spread
+from tests.gpsearch.entries import baseline, formula, result
 
-RUN = {"name": "x", "metric": "light", "materials": ["a"], "candidates": 10, "seconds": 60.0}
 
-
-def drawn(tmp_path, monkeypatch, baselines, front=({"nodes": 5, "error": 0.5},)):
+def drawn(tmp_path, monkeypatch, baselines, front=((5, 0.5),)):
     """The figure that is written for these baselines (name, nodes, error); nodes None for a reference fit."""
     figures = []
     save = Figure.savefig
@@ -25,12 +24,9 @@ def drawn(tmp_path, monkeypatch, baselines, front=({"nodes": 5, "error": 0.5},))
         return save(figure, *arguments, **options)
 
     monkeypatch.setattr(Figure, "savefig", keep)
-    entries = [
-        {"name": name, "error": error} | ({} if nodes is None else {"nodes": nodes})
-        for name, nodes, error in baselines
-    ]
-    exported = {"run": RUN, "front": front, "baselines": entries}
-    plot_front(exported, tmp_path / "front.png")
+    formulas = [formula(f"f{nodes}", error, nodes) for nodes, error in front]
+    entries = [baseline(name, error, nodes=nodes) for name, nodes, error in baselines]
+    plot_front(result(*formulas, *entries), tmp_path / "front.png")
     assert (tmp_path / "front.png").stat().st_size > 10_000
     return figures[0]
 

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from gpsearch.errors import GpsearchError
 from gpsearch.pictures.search_chart import grouped, median_points
-from gpsearch.pictures.search_curves import Curve, Reference, SearchedRun, Step, curves, hypervolume, non_dominated
-from gpsearch.run import Front, Generation, Store
+from gpsearch.pictures.search_curves import Curve, Reference, SearchedRun, Step, curves, hypervolume
+from gpsearch.run import Front, Generation, Store, non_dominated
 from gpsearch.run.records import read_stages
-from tests.gpsearch.small import Watching, run_search, small
+from tests.gpsearch.small import Watching, make_store, run_search, small, writing
 
 SIZE = 40
 REFERENCE = Reference(SIZE, 1.0)
@@ -32,7 +32,7 @@ def watched(tmp_path_factory):
 
 @given(points)
 def test_a_front_is_what_no_other_point_beats(members):
-    front = non_dominated(members)
+    front = non_dominated(members, lambda point: point)
     for nodes, error in members:
         assert any(n <= nodes and e <= error for n, e in front)
     for (small_nodes, large_error), (large_nodes, small_error) in pairwise(front):
@@ -45,7 +45,7 @@ def test_a_hypervolume_is_the_area_counted_node_by_node(members):
     """Sizes are whole, so that the best error up to every size, column by column, is the area itself."""
     best = [min([1.0, *(e for n, e in members if n <= column)]) for column in range(SIZE)]
     area = sum(1.0 - error for error in best) / SIZE
-    assert hypervolume(non_dominated(members), REFERENCE) == pytest.approx(area, abs=1e-12)
+    assert hypervolume(non_dominated(members, lambda point: point), REFERENCE) == pytest.approx(area, abs=1e-12)
 
 
 def test_errors_never_rise_and_hypervolumes_never_fall(watched):
@@ -140,9 +140,9 @@ def test_a_run_of_a_version_that_noted_no_times_is_refused(tmp_path):
     """Its history holds the stages alone, in the column where times are now."""
     configuration = small(tmp_path, baselines=[], budget={"generations": 1})
     store = run_search(tmp_path / "run", configuration)
-    with store.transaction():
-        for row in store.generations():
-            store._connection.execute("UPDATE generations SET stages = ?", (json.dumps(row.stages),))
+    with writing(tmp_path / "run") as older, older.transaction():
+        for row in older.generations():
+            older._connection.execute("UPDATE generations SET stages = ?", (json.dumps(row.stages),))
     assert all((row.at, row.arrived) == (None, ()) and row.stages for row in store.generations())
     with pytest.raises(
         GpsearchError, match="did not note when the front was found; launch its configuration anew"
@@ -158,7 +158,7 @@ def test_stages_of_both_forms_are_read():
 
 
 def test_a_run_without_a_front_is_refused(tmp_path):
-    store = Store.create(tmp_path, "")
+    store = Store.open(make_store(tmp_path, ""))
     assert store.front() == Front()
     with pytest.raises(GpsearchError, match="no front yet; `gpsearch launch` goes on with it"):
         SearchedRun.of(tmp_path, store, small(tmp_path))

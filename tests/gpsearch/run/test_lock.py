@@ -35,7 +35,7 @@ WITH_A_WORKER = """
 from tests.workers import work
 from workers import DaskSettings, Job, open_executor
 with open_executor(DaskSettings(workers=1)) as executor:
-    worker, _ = work.results(executor, Job(work.process_and_builds, work.RECIPE, [0], "who"))[0]
+    worker, _ = work.results_of(executor, Job(work.process_and_builds, work.RECIPE, [0], "who"))[0]
     print(worker, flush=True)
     input()
 """
@@ -78,7 +78,7 @@ def test_a_lock_says_who_holds_it(tmp_path):
         assert content["version"] == __version__
         assert timedelta() <= datetime.now(UTC) - datetime.fromisoformat(content["started"]) < timedelta(hours=1)
         assert lock.taken_over_from is None
-        assert refusal(tmp_path / "runs" / "new").startswith(f"{tmp_path}/runs/new: another gpsearch launch runs")
+        assert refusal(tmp_path / "runs" / "new").startswith(f"{tmp_path}/runs/new: another gpsearch writes")
 
 
 def test_a_second_launcher_is_refused_by_the_name_of_the_first(tmp_path):
@@ -86,8 +86,9 @@ def test_a_second_launcher_is_refused_by_the_name_of_the_first(tmp_path):
         started = json.loads((tmp_path / "run" / FILE).read_text())["started"]
         for _ in range(2):
             assert refusal(tmp_path / "run") == (
-                f"{tmp_path / 'run'}: another gpsearch launch runs here (process {process.pid} on "
-                f"{socket.gethostname()} since {started}); stop that one, or name another directory with --run"
+                f"{tmp_path / 'run'}: another gpsearch writes to this run (process {process.pid} on "
+                f"{socket.gethostname()} since {started}); wait for it or stop it, or name another directory "
+                "with --run"
             )
 
 
@@ -95,7 +96,7 @@ def test_a_holder_that_has_not_said_who_it_is_is_respected_all_the_same(tmp_path
     with RunLock(tmp_path):
         for content in ("", '{"host": "a', "[]", '{"pid": 1}', "9" * 5000):
             (tmp_path / FILE).write_text(content)
-            assert "another gpsearch launch runs here; stop that one" in refusal(tmp_path)
+            assert "another gpsearch writes to this run; wait for it or stop it" in refusal(tmp_path)
 
 
 def test_a_lock_that_was_released_is_taken_over_from_nobody(tmp_path):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from fitters.fitting import Description, Fit
 from fitters.judging.checks import Checks
-from gpsearch.errors import GpsearchError, StoreError
+from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Individual, Island
 from gpsearch.genomes import Delete, Genome, Insert, Replace, Swap
 from gpsearch.run import (
@@ -27,8 +27,11 @@ from gpsearch.run import (
     Store,
     TabulatedBaseline,
     Transfer,
+    WritableStore,
 )
-from gpsearch.run.records import description_json
+from gpsearch.run.lock import RunLock
+from gpsearch.run.records import plain
+from tests.gpsearch.small import writing
 from tests.unprivileged import unprivileged
 
 FLOATS = st.floats(0, allow_nan=False)
@@ -37,10 +40,20 @@ GENOME = Genome("p0 * wh.z", EDITS)
 
 
 @pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    made = Store.create(tmp_path / "run", "name: x\n")
-    yield made
-    made.close()
+def store(tmp_path: Path) -> Iterator[WritableStore]:
+    store = made(tmp_path / "run", "name: x\n")
+    yield store
+    left(store)
+
+
+def made(folder: Path, configuration: str = "") -> WritableStore:
+    """A new store, its run locked."""
+    return WritableStore.create(RunLock(folder), configuration)
+
+
+def left(store: WritableStore) -> None:
+    store.close()
+    store._lock.release()
 
 
 def again(store: Store) -> Store:
@@ -72,7 +85,7 @@ def test_a_new_store_is_empty(store):
 @settings(deadline=None, max_examples=30)
 @given(errors=st.lists(FLOATS, min_size=1, max_size=5))
 def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
-    store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
+    store = made(tmp_path_factory.mktemp("runs") / "run")
     population = tuple(Individual(GENOME, f"p{i}", 1, error) for i, error in enumerate(errors))
     islands = (Island(0, 3, population), Island(1, 3, population[::-1]))
     with store.transaction():
@@ -87,13 +100,13 @@ def test_islands_and_errors_come_back_to_the_last_bit(tmp_path_factory, errors):
     for name, values in found.items():
         np.testing.assert_array_equal(values, np.float32([[errors[int(name[1:])], 2.0]] * 3))
     read.close()
-    store.close()
+    left(store)
 
 
 @settings(deadline=None, max_examples=30)
 @given(error=st.floats(0, 1), screened=FLOATS, values=st.lists(st.floats(allow_nan=False), min_size=3, max_size=3))
 def test_the_front_and_its_descriptions_come_back_to_the_last_bit(tmp_path_factory, error, screened, values):
-    store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
+    store = made(tmp_path_factory.mktemp("runs") / "run")
     member = Member("p0", 1, GENOME, 2, 7, fit(error, [[v] for v in values]), screened)
     described = Description(
         fit(error, [[v] for v in values]), {"light": error, "other": inf}, Checks(0, -1e300, inf), 0.1
@@ -111,26 +124,26 @@ def test_the_front_and_its_descriptions_come_back_to_the_last_bit(tmp_path_facto
         assert (description.metrics, description.checks) == (described.metrics, described.checks)
         assert description.cost_ns == 0.1
     read.close()
-    store.close()
+    left(store)
 
 
 @settings(deadline=None, max_examples=30)
 @given(errors=st.lists(FLOATS, min_size=3, max_size=3), seconds=FLOATS)
 def test_a_reference_fit_comes_back_to_the_last_bit(tmp_path_factory, errors, seconds):
     baseline = TabulatedBaseline("table", {"light": tuple(errors)}, 24300, seconds, 0.1, ("metal: dark",))
-    store = Store.create(tmp_path_factory.mktemp("runs") / "run", "")
+    store = made(tmp_path_factory.mktemp("runs") / "run")
     with store.transaction():
         store.save_baseline("bivariate", baseline)
     read = again(store)
     assert read.baselines() == {"bivariate": baseline}
     read.close()
-    store.close()
+    left(store)
 
 
 def test_a_baseline_stored_before_there_were_reference_fits_is_read(store):
     """Then a record of schema version 2 did not say its kind."""
     described = Description(fit(0.5, [[1.0], [2.0], [3.0]]), {"light": 0.5}, Checks(0, 0, 0), 1.5)
-    text = json.dumps({"description": description_json(described), "fit_seconds": 0.3})
+    text = json.dumps({"description": plain(described), "fit_seconds": 0.3})
     with store.transaction():
         store._connection.execute("INSERT INTO baselines VALUES ('lambert', ?)", (text,))
     read = again(store).baselines()["lambert"]
@@ -366,12 +379,13 @@ def test_a_store_is_there_whole_or_not_at_all(tmp_path, monkeypatch):
     def killed(self: Path, target: Path) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Path, "rename", killed)
-    with pytest.raises(KeyboardInterrupt):
-        Store.create(tmp_path, "")
-    monkeypatch.undo()
-    assert not (tmp_path / "run.sqlite").exists()
-    Store.create(tmp_path, "again").close()
+    with RunLock(tmp_path) as lock:
+        monkeypatch.setattr(Path, "rename", killed)
+        with pytest.raises(KeyboardInterrupt):
+            WritableStore.create(lock, "")
+        monkeypatch.undo()
+        assert not (tmp_path / "run.sqlite").exists()
+        WritableStore.create(lock, "again").close()
     assert Store.open(tmp_path).configuration == "again"
 
 
@@ -383,18 +397,38 @@ def read_only(folder: Path) -> None:
 
 
 def test_a_folder_that_cannot_be_written_is_refused(tmp_path):
-    read_only(tmp_path)
+    with RunLock(tmp_path) as lock:
+        read_only(tmp_path)
+        with (
+            unprivileged(),
+            pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"),
+        ):
+            WritableStore.create(lock, "")
+
+
+def test_a_folder_in_the_place_of_the_store_is_refused(tmp_path):
+    (tmp_path / "run.sqlite").mkdir()
     with (
-        unprivileged(),
+        RunLock(tmp_path) as lock,
         pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"),
     ):
-        Store.create(tmp_path / "run", "")
+        WritableStore.create(lock, "")
 
 
-def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
-    (tmp_path / "run").touch()
-    with pytest.raises(GpsearchError, match=r"the run cannot be stored there .*; choose another --run"):
-        Store.create(tmp_path / "run", "")
+def test_a_store_that_is_open_for_reading_cannot_write(store):
+    """Neither has it methods to, nor does its connection."""
+    read = again(store)
+    assert not isinstance(read, WritableStore)
+    with pytest.raises(sqlite3.OperationalError, match="readonly"):
+        read._connection.execute("INSERT INTO meta VALUES ('x', 'y')")
+    read.close()
+
+
+def test_nothing_is_written_once_the_lock_is_released(store):
+    store._lock.release()
+    with pytest.raises(GpsearchError, match="the lock of the run was released"), store.transaction():
+        store.save_seconds(1.0)
+    assert again(store).seconds == 0.0
 
 
 def test_writing_into_a_store_that_may_only_be_read_fails_in_one_sentence(store):
@@ -416,8 +450,8 @@ def test_a_run_that_may_only_be_read_is_read(store, tmp_path):
     with unprivileged():
         read = Store.open(folder)
         assert read.seconds == 12.0
-        with pytest.raises(StoreError, match="cannot be written"), read.transaction():
-            read.save_seconds(13.0)
+        with pytest.raises(sqlite3.OperationalError, match="readonly"):
+            read._connection.execute("INSERT INTO meta VALUES ('x', 'y')")
         read.close()
 
 
@@ -437,7 +471,7 @@ def test_a_torn_log_costs_the_last_transactions_alone(store, tmp_path, kept):
     assert read.events()[-1:] == read.events()[int(read.seconds) - 1 :]
     assert read._connection.execute("PRAGMA integrity_check").fetchone() == ("ok",)
     assert kept < 0.9 or read.seconds > 100
-    with read.transaction():
-        read.save_seconds(1000.0)
     read.close()
+    with writing(copied) as goes_on, goes_on.transaction():
+        goes_on.save_seconds(1000.0)
     assert Store.open(copied).seconds == 1000.0

@@ -9,12 +9,11 @@ import pytest
 
 from fitters.fitting import Description, Fit
 from fitters.judging.checks import Checks
-from gpsearch.exports import front_json, schema
-from gpsearch.exports.front_json import to_text
+from gpsearch.exports import schema
 from gpsearch.genomes import Genome
-from gpsearch.run import FormulaBaseline, Member, Store
-from gpsearch.run.records import description_json, read_description
-from tests.gpsearch.small import gpsearch, small
+from gpsearch.run import FormulaBaseline, Member, load_run
+from gpsearch.run.records import plain, read
+from tests.gpsearch.small import gpsearch, make_store, small, writing
 
 SAID = ("metal: p1 and p3 trade off against each other (condition number up to 6e+05)",)
 
@@ -26,22 +25,20 @@ def described():
 
 
 def test_they_come_back_from_a_record_and_older_records_have_none(described):
-    record = json.loads(json.dumps(description_json(described)))
-    assert read_description(record).warnings == SAID
+    record = json.loads(json.dumps(plain(described)))
+    assert read(record, Description).warnings == SAID
     del record["warnings"]
-    assert read_description(record).warnings == ()
+    assert read(record, Description).warnings == ()
 
 
 def test_they_are_in_front_json(described, tmp_path):
     configuration = small(tmp_path)
-    store = Store.create(tmp_path / "run", configuration.text())
     member = Member("p0", 1, Genome("p0", ()), 0, 1, described.fit, 0.5)
-    with store.transaction():
+    with writing(make_store(tmp_path / "run", configuration.text())) as store, store.transaction():
         store.save_confirmed([member], 0, 1)
         store.save_description("p0", described)
         store.save_baseline("lambert", FormulaBaseline(described, 0.3))
-    exported = json.loads(to_text(front_json(store, configuration)))
-    store.close()
+    exported = json.loads(load_run(tmp_path / "run").to_text())
     jsonschema.validate(exported, schema(), jsonschema.Draft202012Validator)
     for (entry,) in (exported["front"], exported["baselines"]):
         assert entry["warnings"] == list(SAID)

@@ -11,9 +11,9 @@ import pytest
 
 from fitters.expressions import parse
 from gpsearch.configuration import Configuration
-from gpsearch.exports import front_json, schema
+from gpsearch.exports import schema
 from gpsearch.genomes import Genome, reify
-from gpsearch.run import Store
+from gpsearch.run import Store, result_of
 from gpsearch.search.references import unfinished
 from tests.gpsearch.small import Watching, gpsearch, run_search, small, without_times
 from workers import Done, Failure
@@ -45,7 +45,7 @@ def without(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def exported(run: Path, tolerance: float = TOLERANCE) -> dict[str, Any]:
     store = Store.open(run)
-    found = front_json(store, culling(run.parent, tolerance))
+    found = result_of(store, culling(run.parent, tolerance)).to_json()
     store.close()
     return found
 

@@ -13,11 +13,10 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.fitting import Candidate, Fit, Problem, screen
-from gpsearch.exports import front_json
-from gpsearch.run import Known, Store
+from gpsearch.run import Known, Store, result_of
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from tests.gpsearch.small import Watching, run_search, small, without_times
+from tests.gpsearch.small import Watching, make_store, run_search, small, without_times, writing
 from workers import DaskSettings, Done, Executor, Failure, WorkersError, open_executor
 from workers.local import LocalExecutor
 
@@ -53,10 +52,10 @@ class BadPlan(Plan):
 
 def searched(folder: Path, victims: dict[str, str], executor: Executor, size: int = 8) -> Store:
     configuration = small(folder, fit={"warm_starts": False}, search={"island_size": size})
-    store = Store.create(folder / "run", configuration.text())
     planned = BadPlan(**vars(plan(configuration)), victims=tuple(victims.items()))
-    Search(planned, store, executor, Watching()).run()
-    return store
+    with writing(make_store(folder / "run", configuration.text())) as store:
+        Search(planned, store, executor, Watching()).run()
+    return Store.open(folder / "run")
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +78,7 @@ def test_a_run_survives_what_crashes_hangs_and_raises(tmp_path, expressions):
         incidents = executor.incidents()
     assert incidents == []
     configuration = small(tmp_path)
-    fronts = [without_times(front_json(store, configuration)) for store in (unfitted, survived)]
+    fronts = [without_times(result_of(store, configuration).to_json()) for store in (unfitted, survived)]
     assert fronts[0] == fronts[1]
     assert unfitted.quarantined() == []
     found = {one.reason.split(",")[0]: one for one in survived.quarantined()}
@@ -143,6 +142,6 @@ def test_a_machine_that_is_sick_for_a_while_changes_nothing(tmp_path, word, well
     sick = Store.open(tmp_path / "run")
     assert kind or {one.stage for one in sick.quarantined()} <= {"describe", "baseline"}
     mended = run_search(tmp_path / "run", configuration)
-    fronts = [without_times(front_json(store, configuration)) for store in (alone, mended)]
+    fronts = [without_times(result_of(store, configuration).to_json()) for store in (alone, mended)]
     assert fronts[0] == fronts[1]
     assert mended.islands() == alone.islands()

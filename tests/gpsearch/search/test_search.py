@@ -1,5 +1,6 @@
 """The search as a whole: what it tells, what it stores, and that stopping changes nothing."""
 
+import fcntl
 import math
 import random
 from collections import Counter, deque
@@ -14,13 +15,12 @@ from fitters.expressions import parse, to_text
 from fitters.expressions.canonical import canonical
 from fitters.expressions.catalogue import CATALOGUE
 from gpsearch.errors import GpsearchError
-from gpsearch.exports import front_json
 from gpsearch.genomes import reify
-from gpsearch.run import Store
+from gpsearch.run import Store, result_of
 from gpsearch.run.front import SAME
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search
-from tests.gpsearch.small import Watching, run_search, small, without_times
+from tests.gpsearch.small import Watching, make_store, run_search, small, without_times, writing
 from workers.local import LocalExecutor
 
 PHONG = to_text(CATALOGUE["phong"].expression)
@@ -32,7 +32,7 @@ def uninterrupted(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, tuple[
     folder = tmp_path_factory.mktemp("uninterrupted")
     watcher = Watching()
     store = run_search(folder / "run", small(folder), watcher)
-    return without_times(front_json(store, small(folder))), store.totals(), watcher.steps
+    return without_times(result_of(store, small(folder)).to_json()), store.totals(), watcher.steps
 
 
 def stop_at(event: str, count: int) -> Callable[[str], None]:
@@ -67,7 +67,7 @@ def test_a_run_that_was_stopped_anywhere_gives_the_same_front(tmp_path, uninterr
     with pytest.raises(KeyboardInterrupt):
         run_search(tmp_path / "run", small(tmp_path), before)
     store = run_search(tmp_path / "run", small(tmp_path), after)
-    assert without_times(front_json(store, small(tmp_path))) == exported
+    assert without_times(result_of(store, small(tmp_path)).to_json()) == exported
     assert store.totals() == totals
     assert before.steps + after.steps >= steps
 
@@ -93,7 +93,7 @@ class Unordered(LocalExecutor):
 def in_order(tmp_path_factory: pytest.TempPathFactory) -> str:
     """The front of a run of three islands, one after the other."""
     folder = tmp_path_factory.mktemp("in_order")
-    return without_times(front_json(run_search(folder / "run", three(folder)), three(folder)))
+    return without_times(result_of(run_search(folder / "run", three(folder)), three(folder)).to_json())
 
 
 def three(folder: Path):
@@ -106,7 +106,7 @@ def three(folder: Path):
 def test_islands_that_lose_step_give_the_same_front(tmp_path, in_order, seed):
     watcher = Watching()
     store = run_search(tmp_path / "run", three(tmp_path), watcher, Unordered(seed))
-    assert without_times(front_json(store, three(tmp_path))) == in_order
+    assert without_times(result_of(store, three(tmp_path)).to_json()) == in_order
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -122,7 +122,7 @@ def test_islands_out_of_step_may_be_stopped_again_and_again(tmp_path, in_order, 
         except KeyboardInterrupt:
             assert sessions < 50
     assert sessions > 3
-    assert without_times(front_json(store, three(tmp_path))) == in_order
+    assert without_times(result_of(store, three(tmp_path)).to_json()) == in_order
 
 
 def test_no_island_waits_for_another_but_for_migration(tmp_path):
@@ -150,14 +150,14 @@ def test_a_run_that_is_stopped_at_every_generation_gives_the_same_front(tmp_path
         with pytest.raises(KeyboardInterrupt):
             run_search(tmp_path / "run", small(tmp_path), Watching(stop_at(f"stored {generation}", 1)))
     store = run_search(tmp_path / "run", small(tmp_path))
-    assert without_times(front_json(store, small(tmp_path))) == uninterrupted[0]
+    assert without_times(result_of(store, small(tmp_path)).to_json()) == uninterrupted[0]
     assert store.totals() == uninterrupted[1]
 
 
 def test_a_larger_budget_goes_on_as_if_it_had_been_given_at_once(tmp_path, uninterrupted):
     run_search(tmp_path / "run", small(tmp_path, budget={"generations": 2}))
     store = run_search(tmp_path / "run", small(tmp_path))
-    assert without_times(front_json(store, small(tmp_path))) == uninterrupted[0]
+    assert without_times(result_of(store, small(tmp_path)).to_json()) == uninterrupted[0]
 
 
 class Counting(LocalExecutor):
@@ -207,12 +207,14 @@ def test_baselines_that_are_stored_are_not_fitted_again(tmp_path):
     assert counting.fitted["power-iterations baseline"] == 0
     assert counting.fitted["bivariate baseline"] == 2
     alone = run_search(tmp_path / "alone", configuration())
-    assert without_times(front_json(store, configuration())) == without_times(front_json(alone, configuration()))
+    assert without_times(result_of(store, configuration()).to_json()) == without_times(
+        result_of(alone, configuration()).to_json()
+    )
 
 
 def test_another_seed_gives_another_front(tmp_path, uninterrupted):
     store = run_search(tmp_path / "run", small(tmp_path, seed=6))
-    assert without_times(front_json(store, small(tmp_path))) != uninterrupted[0]
+    assert without_times(result_of(store, small(tmp_path)).to_json()) != uninterrupted[0]
 
 
 def test_the_best_migrate_in_the_generation_that_is_due(tmp_path):
@@ -278,9 +280,9 @@ def test_the_watcher_hears_of_every_generation_once_it_is_stored(tmp_path):
 )
 def test_whichever_budget_is_used_up_first_ends_the_run(tmp_path, budget, reason, generations):
     configuration = small(tmp_path, budget=budget)
-    store = Store.create(tmp_path / "run", configuration.text())
-    assert Search(plan(configuration), store, LocalExecutor(), Watching()).run() == reason
-    assert store.totals()[0] == generations
+    with writing(make_store(tmp_path / "run", configuration.text())) as store:
+        assert Search(plan(configuration), store, LocalExecutor(), Watching()).run() == reason
+        assert store.totals()[0] == generations
 
 
 def test_the_minutes_are_those_of_the_search(tmp_path, monkeypatch):
@@ -321,8 +323,9 @@ def test_no_task_is_begun_after_the_minutes_are_over(tmp_path, monkeypatch):
     assert set(store.island_generations().values()) == {0}
 
 
-def test_two_processes_do_not_mix_their_generations(tmp_path):
-    """The slower of two searches on one store gives up where the other has gone on."""
+def test_two_processes_do_not_mix_their_generations(tmp_path, monkeypatch):
+    """Where a file system's locks do nothing, the slower of two searches gives up where the other has gone on."""
+    monkeypatch.setattr(fcntl, "flock", lambda descriptor, operation: None)
     configuration = small(tmp_path, budget={"generations": 3})
 
     def the_other_goes_on(event: str) -> None:
@@ -333,7 +336,9 @@ def test_two_processes_do_not_mix_their_generations(tmp_path):
         run_search(tmp_path / "run", configuration, Watching(the_other_goes_on))
     store = run_search(tmp_path / "run", configuration)
     alone = run_search(tmp_path / "alone", configuration)
-    assert without_times(front_json(store, configuration)) == without_times(front_json(alone, configuration))
+    assert without_times(result_of(store, configuration).to_json()) == without_times(
+        result_of(alone, configuration).to_json()
+    )
 
 
 def test_formulas_that_are_nowhere_finite_are_survived(tmp_path: Path):
@@ -345,7 +350,7 @@ def test_formulas_that_are_nowhere_finite_are_survived(tmp_path: Path):
     store = run_search(tmp_path / "run", configuration)
     assert store.totals()[0] == 3
     assert all(np.isfinite(member.error) for member in store.front().members)
-    front_json(store, configuration)
+    result_of(store, configuration).to_json()
 
 
 def test_early_stopping_and_warm_starts_are_settings(tmp_path):

@@ -17,11 +17,11 @@ from fitters.materials import load_material
 from fitters.models import MODELS, FormulaModel
 from fitters.scenes import Scene, light_table
 from gpsearch.configuration import Configuration
-from gpsearch.exports import front_json, schema
-from gpsearch.run import Store
+from gpsearch.exports import schema
+from gpsearch.run import Store, result_of
 from gpsearch.search.plan import plan, problem_recipe
 from gpsearch.search.transfers import formula_jobs, transfer_lanes
-from tests.gpsearch.small import Watching, gpsearch, run_search, small, small_text, without_times
+from tests.gpsearch.small import Watching, gpsearch, run_search, small, small_text, without_times, writing
 from workers import DaskSettings, Done, Failure, LocalSettings, open_executor
 from workers.local import LocalExecutor
 
@@ -67,7 +67,7 @@ def without(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def exported(run: Path, tests: list[str] = TESTS) -> dict[str, Any]:
     store = Store.open(run)
-    found = front_json(store, configured(run.parent, tests))
+    found = result_of(store, configured(run.parent, tests)).to_json()
     store.close()
     return json.loads(json.dumps(found))
 
@@ -193,7 +193,7 @@ def test_two_worker_processes_find_what_one_process_does(without, tmp_path, monk
         configuration = small(tmp_path, **changes() | {"fit": {"starts": 65, "restarts": 2, "rounds": 1}})
         with open_executor(settings) as executor:
             store = run_search(tmp_path / run / "run", configuration, executor=executor)
-        fronts.append(without_times(front_json(store, configuration)))
+        fronts.append(without_times(result_of(store, configuration).to_json()))
         assert store.quarantined() == []
         store.close()
     assert fronts[0] == fronts[1]
@@ -290,13 +290,12 @@ def test_a_run_goes_on_with_other_test_materials(folder, tmp_path):
 def test_a_run_of_a_version_without_test_materials_goes_on_with_some(without, tmp_path):
     """Its store has the tables of schema version 3 alone, its configuration no such key."""
     copied(without, tmp_path)
-    store = Store.open(tmp_path / "run")
-    with store.transaction():
-        text = store.configuration
-        store.set_meta("configuration", "".join(line for line in text.splitlines(True) if "test_mat" not in line))
-    assert "test_materials" not in store.configuration
-    assert store.transfers() == {}
-    store.close()
+    with writing(tmp_path / "run") as store:
+        text = "".join(line for line in store.configuration.splitlines(True) if "test_mat" not in line)
+        with store.transaction():
+            store.set_meta("configuration", text)
+        assert "test_materials" not in store.configuration
+        assert store.transfers() == {}
     (tmp_path / "small.yaml").write_text(small_text(**changes(["rough-plastic"])))
     result = gpsearch("launch", "small.yaml", "--run", "run", cwd=tmp_path)
     assert result.returncode == 0, result.stderr

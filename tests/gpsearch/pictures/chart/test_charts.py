@@ -13,10 +13,12 @@ from hypothesis import strategies as st
 from matplotlib.text import Annotation, Text
 
 from fitters.judging.timing import Timing
-from gpsearch.pictures.chart import AXES, Chart, Charted, non_dominated, write_page, write_pictures, write_table
+from gpsearch.pictures.chart import AXES, Chart, Charted, write_page, write_pictures, write_table
 from gpsearch.pictures.chart.look import Frame
 from gpsearch.pictures.chart.models import MEASURED, marked
 from gpsearch.pictures.chart.picture import TEST_POINTS, drawn
+from gpsearch.run import non_dominated
+from tests.gpsearch.entries import baseline, information, on_tests
 
 COSTS = st.lists(st.tuples(*[st.integers(0, 4)] * 3), max_size=12)
 FORMULA = "p0 / pi + p1 * pow(wh.z, p2) / max(wi.z, 1e-05)"
@@ -25,17 +27,9 @@ FORMULA = "p0 / pi + p1 * pow(wh.z, p2) / max(wi.z, 1e-05)"
 def model(name: str, error: float | None, **known: object) -> Charted:
     ns = known.pop("ns", 20.0)
     timing = None if ns is None else Timing(float(ns), float(ns) - 1, float(ns) + 1)  # type: ignore[arg-type]
-    given = {
-        "title": name,
-        "kind": "found",
-        "expression": FORMULA,
-        "nodes": 11,
-        "floats": 9,
-        "fit_seconds": 0.5,
-        "timing": timing,
-        "coherent": timing,
-    }
-    return Charted(name=name, error=error, **(given | known))  # type: ignore[arg-type]
+    seconds = known.pop("fit_seconds", 0.5)
+    given = {"kind": "formula", "expression": FORMULA, "nodes": 11, "floats": 9}
+    return Charted(baseline(name, error, **(given | known)), seconds, timing, timing)  # type: ignore[arg-type]
 
 
 TABLE = {"kind": "table", "expression": None, "nodes": None}
@@ -51,7 +45,8 @@ MODELS = (
 
 
 def chart(models=MODELS, run="a <run> & more") -> Chart:
-    return Chart(run, "light", ("metal", "fabric"), Timing(3.0, 2.9, 3.1), tuple(marked(models)))
+    about = information(name=run, materials=("metal", "fabric"))
+    return Chart(about, Timing(3.0, 2.9, 3.1), tuple(marked(models)))
 
 
 @given(COSTS)
@@ -59,11 +54,12 @@ def test_non_dominated_points_are_those_that_no_other_beats(points):
     def beats(a, b):
         return a != b and all(x <= y for x, y in zip(a, b, strict=True))
 
-    assert non_dominated(points) == [not any(beats(other, one) for other in points) for one in points]
+    unbeaten = [one for one in points if not any(beats(other, one) for other in points)]
+    assert non_dominated(points, lambda point: point, keep_equals=True) == sorted(unbeaten)
 
 
 def test_every_cost_has_its_own_set_and_all_together_one_more():
-    found = {one.name: one for one in marked(MODELS)}
+    found = {one.entry.name: one for one in marked(MODELS)}
     sets = {axis.key: {name for name, one in found.items() if axis.key in one.unbeaten} for axis in AXES}
     assert sets["ns"] == {"worse than black", "small", "good", "big table", MEASURED}
     # The measured table was not fitted and has no nodes, nor has the other table.
@@ -98,7 +94,7 @@ def test_names_hide_no_other_and_stay_inside(count):
 def test_the_picture_says_what_is_not_where_it_is_drawn():
     figure = drawn(chart())
     said = {child.get_text() for child in figure.axes[-1].get_children() if isinstance(child, Annotation)}
-    assert {"worse than black: 6.5", f"{MEASURED}: 0", "small"} <= said
+    assert {"worse than black: 6.5", "measured table: 0", "small"} <= said
     assert "could not be fitted: fails" in {text.get_text() for text in figure.texts}
     low, high = figure.axes[0].get_ylim()
     assert low < 0.1
@@ -112,7 +108,7 @@ def test_the_picture_says_what_is_not_where_it_is_drawn():
 
 def test_an_absolute_metric_has_no_upper_edge():
     """The errors of `light-sum` are of no unit: one above 1 is no worse than black."""
-    assert Frame(replace(chart(), metric="light-sum")).top > 6.5
+    assert Frame(replace(chart(), run=information(metric="light-sum"))).top > 6.5
     assert Frame(chart()).top < 1
 
 
@@ -127,7 +123,7 @@ def test_the_table_has_a_row_for_every_model(tmp_path):
     write_table(chart(), tmp_path / "chart.csv")
     with (tmp_path / "chart.csv").open(newline="") as file:
         rows = {row["name"]: row for row in csv.DictReader(file)}
-    assert list(rows) == [one.name for one in MODELS]
+    assert list(rows) == [one.entry.name for one in MODELS]
     assert rows["good"]["expression"] == FORMULA
     assert float(rows["good"]["ns"]) == 30
     assert (float(rows["good"]["ns_low"]), float(rows["good"]["ns_high"])) == (29, 31)
@@ -136,30 +132,38 @@ def test_the_table_has_a_row_for_every_model(tmp_path):
     assert rows[MEASURED]["error"] == "0.0"
 
 
+def with_test(one: Charted, error: float) -> Charted:
+    return replace(one, entry=replace(one.entry, test=on_tests(error)))
+
+
 TESTED = tuple(
-    one if one.error is None else replace(one, test_error=0.0 if one.name == MEASURED else 1.5 * one.error)
+    one if one.error is None else with_test(one, 0.0 if one.entry.name == MEASURED else 1.5 * one.error)
     for one in MODELS
 )
 
 
 def chart_with_tests() -> Chart:
-    return replace(chart(TESTED), tests=("a", "b"))
+    return with_tests(chart(TESTED), "a", "b")
+
+
+def with_tests(plain: Chart, *names: str) -> Chart:
+    return replace(plain, run=replace(plain.run, test_materials=names))
 
 
 def test_errors_on_test_materials_are_hollow_marks_joined_to_the_models_own():
     """In every panel, one for each model that has both; nothing else is drawn otherwise."""
     plain, tested = drawn(chart()), drawn(chart_with_tests())
     for axis, before, after in zip(AXES, plain.axes, tested.axes, strict=True):
-        expected = [one for one in TESTED if one.test_error and getattr(one, axis.key) is not None]
-        expected = [one for one in expected if one.name != "worse than black"]
+        expected = [one for one in TESTED if one.entry.test_error and one.cost(axis.key) is not None]
+        expected = [one for one in expected if one.entry.name != "worse than black"]
         hollow = [line for line in after.lines if line.get_markersize() == TEST_POINTS]
         assert len(after.lines) - len(before.lines) == 2 * len(hollow)
         assert sorted(line.get_ydata()[0] for line in hollow) == pytest.approx(
-            sorted(one.test_error for one in expected)
+            sorted(one.entry.test_error for one in expected)
         )
         assert all(line.get_markerfacecolor() == "white" for line in hollow)
         joints = {tuple(line.get_ydata()) for line in after.lines if len(line.get_ydata()) == 2}
-        assert joints >= {(one.error, one.test_error) for one in expected}
+        assert joints >= {(one.error, one.entry.test_error) for one in expected}
         low, high = after.get_ylim()
         assert all(low <= line.get_ydata()[0] <= high for line in hollow)
     labels = [text.get_text() for text in tested.legends[0].get_texts()]
@@ -169,8 +173,8 @@ def test_errors_on_test_materials_are_hollow_marks_joined_to_the_models_own():
 
 
 def test_an_error_on_test_materials_widens_the_axis():
-    wide = replace(MODELS[0], test_error=0.95)
-    assert Frame(replace(chart((wide, *MODELS[1:])), tests=("a",))).top > 0.95
+    wide = with_test(MODELS[0], 0.95)
+    assert Frame(with_tests(chart((wide, *MODELS[1:])), "a")).top > 0.95
 
 
 def test_the_table_has_test_errors_where_there_are_test_materials(tmp_path):
@@ -185,7 +189,7 @@ def test_the_table_has_test_errors_where_there_are_test_materials(tmp_path):
     assert [name for name in columns[1] if name != "test_error"] == columns[0]
     assert columns[1].index("test_error") == columns[1].index("error") + 1
     for row, model in zip(rows[1], TESTED, strict=True):
-        assert row.pop("test_error") == ("" if model.test_error is None else str(model.test_error))
+        assert row.pop("test_error") == ("" if model.entry.test_error is None else str(model.entry.test_error))
     assert rows[0] == rows[1]
 
 
@@ -222,5 +226,5 @@ def test_the_page_shows_every_model_in_every_panel_where_it_has_a_cost(tmp_path)
             assert about[0] in text
             assert about[2] == (FORMULA if about[0] not in ("big table", MEASURED) else "")
     for axis, names in zip(AXES, panels.values(), strict=True):
-        expected = {one.name for one in MODELS if one.error is not None and getattr(one, axis.key) is not None}
+        expected = {one.entry.name for one in MODELS if one.error is not None and one.cost(axis.key) is not None}
         assert names == expected
