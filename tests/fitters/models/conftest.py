@@ -7,6 +7,7 @@ from fitters.fitting import Problem
 from fitters.grid import CELLS, SHAPE, above_horizon
 from fitters.materials import load_material
 from fitters.models import MODELS, Fitted, MaterialFit
+from fitters.models.factors import solving
 from fitters.scenes import LightTable
 from fitters.testing.models import QUICK
 
@@ -39,10 +40,18 @@ def fitted(problem_of):
             if fitter.together:
                 known[name, material] = fitter.fit(problem_of(material), settings=QUICK).model
             else:
-                known[name, material] = (fitter.quick or fitter.fit_material)(load_material(material)).model
+                known[name, material] = _few_steps(fitter, load_material(material))
         return known[name, material]
 
     return find
+
+
+def _few_steps(fitter, material):
+    """A model after few steps: that factors are fitted well is tested elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        for steps in ("COARSE_STEPS", "FINE_STEPS"):
+            patch.setattr(solving, steps, 5)
+        return (fitter.quick or fitter.fit_material)(material).model
 
 
 def save(model, path):

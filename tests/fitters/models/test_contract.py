@@ -74,7 +74,7 @@ class Grey(FormulaModel):
     kind = "grey"
 
     def sample(self, w_o, u):
-        return super().sample(w_o, 0.9 * u)
+        return super().sample(w_o, 0.9 * np.asarray(u, np.float64))
 
 
 def test_the_suite_refuses_samples_that_do_not_have_the_density():
