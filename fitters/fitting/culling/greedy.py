@@ -14,8 +14,8 @@ import numpy as np
 
 from fitters.expressions import Expression, grammar, to_text
 from fitters.expressions.evaluation import evaluate_features
+from fitters.fitting.cell_fit import HOPELESS, Fit, fit_cells, refit_cells
 from fitters.fitting.culling.reductions import Reduction, complexity, reductions
-from fitters.fitting.fit import HOPELESS, Fit, fit, refit
 from fitters.fitting.problem import Problem
 from fitters.fitting.settings import Bounds, FitSettings
 from fitters.grid import Array
@@ -117,10 +117,10 @@ class Greedy:
         if spare in one.whole.parameters:
             near[spare] = self._means(one.before, stage.sample)
         cells, metric, bounds, settings = self.problem.sample, self.problem.metric, self.bounds, self.settings
-        found = refit(one.whole, cells, metric, bounds, near, settings, evaluations=SHORT)
+        found = refit_cells(one.whole, cells, metric, bounds, near, settings, evaluations=SHORT)
         if found.error <= self.demands.sample:
             return found
-        afar = fit(one.whole, cells, metric, bounds, settings, near=found.columns, bar=self.demands.sample)
+        afar = fit_cells(one.whole, cells, metric, bounds, settings, near=found.columns, bar=self.demands.sample)
         return afar if afar.finished and afar.error < found.error else found
 
     def _means(self, node: Expression, found: Fit) -> Array:
@@ -147,7 +147,7 @@ class Greedy:
     def _taken(self, stage: Stage, one: Reduction, found: Fit) -> Stage | None:
         """The stage after a reduction; None where it fails on the fine sample or as a reflectance."""
         problem, fitted = self.problem, found.columns
-        fine = refit(
+        fine = refit_cells(
             one.whole, problem.fine, problem.metric, self.bounds, fitted, self.settings, evaluations=SHORT
         )
         if not (fine.error <= self.demands.fine and self._sound(one.whole, fine)):

@@ -69,7 +69,7 @@ class Fit:
         return dict(zip(self.names, map(float, self.values[target]), strict=True))
 
 
-def fit(
+def fit_cells(
     expression: Expression,
     cells: Cells,
     metric: Residual,
@@ -101,7 +101,7 @@ def fit(
     return _sampled(problem, cells, found, _stated(problem, metric, found))
 
 
-def refit(
+def refit_cells(
     expression: Expression,
     cells: Cells,
     metric: Residual,
