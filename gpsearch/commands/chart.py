@@ -38,6 +38,11 @@ def chart(run: Path, output: Path | None, as_json: bool) -> None:
     the other. Writes chart.png, chart.svg, chart.html and chart.csv.
     """
     result = described(run)
+    if not result.formulas and result.missing:
+        raise GpsearchError(
+            f"{run}: none of the {result.missing} formulas of its front is described yet; chart the run when the"
+            " process that writes to it has ended"
+        )
     if not result.formulas:
         raise GpsearchError(
             f"{run}: its front is empty, the run was stopped before it had found anything; `gpsearch launch` with "

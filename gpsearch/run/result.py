@@ -212,6 +212,7 @@ class Result:
     baselines:     in the order of the configuration
     configuration: says where the materials are; None where the result was read from JSON
     missing:       members of the front that are not described yet, and so are not among the formulas
+    hashes:        of the content of materials, by name, as far as the run has stored them
     """
 
     run: RunInformation
@@ -219,6 +220,7 @@ class Result:
     baselines: tuple[Baseline, ...]
     configuration: Configuration | None = field(default=None, compare=False)
     missing: int = field(default=0, compare=False)
+    hashes: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def source(self) -> Configuration:
@@ -321,6 +323,7 @@ _NAMES: dict[type, dict[str, Any]] = {
         "formulas": override(rename="front"),
         "configuration": override(omit=True),
         "missing": override(omit=True),
+        "hashes": override(omit=True),
     },
 }
 """The types of front.json, inner ones first, with the fields that it names otherwise or does not hold."""
