@@ -249,11 +249,9 @@ class Result:
         `GpsearchError` for an unknown name, `FittersError` where the model could not be fitted to the material.
         """
         entry = self.entry(name)
-        called = material if isinstance(material, str) else material.name
-        if called not in entry.all_errors:
-            raise GpsearchError(
-                f"{self.run.name}: {called}: no such material; there are {', '.join(entry.all_errors)}"
-            )
+        called, known = material if isinstance(material, str) else material.name, entry.all_errors
+        if called not in known:
+            raise GpsearchError(f"{self.run.name}: no model is of {called!r}; there are {', '.join(known)}")
         if entry.parameters is None and isinstance(material, str):
             material = self._load(material)
         return model_of(entry, material)

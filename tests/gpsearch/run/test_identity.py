@@ -67,10 +67,16 @@ def begun(store: WritableStore) -> None:
         store.save_generation(Generation(0, 1, 16, 16, 0, 1, 0.5, 2.0, {}))
 
 
+def write_file(folder: Path, name: str) -> None:
+    """Writes a built-in material as a file."""
+    material = load_material(f"builtin:{name}")
+    write_merl(folder / "x.binary", material.table, material.valid)
+
+
 @pytest.fixture
 def metal(tmp_path) -> Path:
     """A configuration's folder with a material file."""
-    write_merl(tmp_path / "x.binary", load_material("builtin:metal"))
+    write_file(tmp_path, "metal")
     return tmp_path
 
 
@@ -78,11 +84,11 @@ def test_a_run_does_not_go_on_where_a_file_has_another_content(metal):
     configuration = small(metal, materials=["x.binary"])
     with writing(make_store(metal / "run", configuration.text())) as store:
         identify(store, configuration)
-        write_merl(metal / "x.binary", load_material("builtin:fabric"))
+        write_file(metal, "fabric")
         identify(store, configuration)  # nothing was found yet
         begun(store)
-        write_merl(metal / "x.binary", load_material("builtin:metal"))
-        with pytest.raises(GpsearchError, match="this run was searched on another content of x.binary"):
+        write_file(metal, "metal")
+        with pytest.raises(GpsearchError, match=r"this run was searched on another content of x\.binary"):
             identify(store, configuration)
 
 
@@ -92,7 +98,7 @@ def test_models_are_not_loaded_for_a_file_that_has_another_content(metal):
         identify(store, configuration)
     loaded = load_run(metal / "run")
     assert load_contenders(loaded, [load_material("x.binary", base=metal)]) == []
-    write_merl(metal / "x.binary", load_material("builtin:fabric"))
+    write_file(metal, "fabric")
     with pytest.raises(GpsearchError, match="x has another content than when the run was searched"):
         load_contenders(loaded, [load_material("x.binary", base=metal)])
     assert load_contenders(result(), [load_material("x.binary", base=metal)]) == []
