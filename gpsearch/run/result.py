@@ -252,7 +252,7 @@ class Result:
         called, known = material if isinstance(material, str) else material.name, entry.all_errors
         if called not in known:
             raise GpsearchError(f"{self.run.name}: no model is of {called!r}; there are {', '.join(known)}")
-        if entry.parameters is None and isinstance(material, str):
+        if entry.expression is None and isinstance(material, str):
             material = self._load(material)
         return model_of(entry, material)
 
