@@ -22,8 +22,8 @@ ALLOWED = {
     ("fitters/compiled.py", "import of pickle"),
     ("fitters/compiled.py", "call of pickle.loads"),
     # A part of what Dask has just unpickled itself.
-    ("workers/task.py", "import of pickle"),
-    ("workers/task.py", "call of pickle.loads"),
+    ("workers/dask/task.py", "import of pickle"),
+    ("workers/dask/task.py", "call of pickle.loads"),
 }
 
 

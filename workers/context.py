@@ -1,4 +1,4 @@
-"""The heavy data that a process keeps loaded, built by the process itself from a small recipe."""
+"""What a process that works does: it keeps heavy data loaded, and tries a function on an item."""
 
 from __future__ import annotations
 
@@ -8,8 +8,13 @@ from dataclasses import dataclass
 from threading import Lock
 from typing import Any
 
+from fitters.errors import FittersError
+
 KEPT = 2
 """How many contexts a process keeps: the one in use, and the one it used before."""
+
+RAISES = 3
+"""How many exceptions an item may raise before it is given up."""
 
 
 @dataclass(frozen=True)
@@ -40,3 +45,20 @@ def context_of(recipe: Recipe) -> Any:
             _contexts[recipe] = recipe.build(recipe.argument)
         _contexts.move_to_end(recipe)
         return _contexts[recipe]
+
+
+@dataclass(frozen=True)
+class Raised:
+    """In place of the result of an item whose function raised."""
+
+    text: str
+
+
+def attempt(function: Callable[[Any, Any], Any], context: Any, item: Any) -> Any:
+    """The function's result, or `Raised`. Bad input is not the item's fault: `FittersError` is raised."""
+    try:
+        return function(context, item)
+    except FittersError:
+        raise
+    except Exception as error:
+        return Raised(f"{type(error).__name__}: {error}")

@@ -1,18 +1,18 @@
-"""Executors: the one interface to running a function over items, wherever the processes are."""
+"""Executors: the one interface to running a function over items, wherever that is, and their registry."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import ClassVar, Protocol
 
+from workers.dask.settings import DaskSettings
 from workers.jobs import Done, Incident, Job
-from workers.local import LocalExecutor
-from workers.settings import DaskSettings, LocalSettings, Settings
+from workers.local import LocalSettings
 
 
 class Executor(Protocol):
-    """Runs pure functions in processes that keep their heavy data loaded."""
+    """Runs pure functions in processes that keep their heavy data loaded. `ExecutorContract` tests one."""
 
     @property
     def description(self) -> str:
@@ -30,7 +30,7 @@ class Executor(Protocol):
         """Asks for the items of a job, after those that were asked for before."""
 
     def wait(self, seconds: float) -> list[Done]:
-        """Results that have come in since, in any order, each item once; waits about so long for a first one.
+        """New results, in any order, each item once; waits about `seconds` for a first one.
 
         An item that raises, crashes or hangs wherever it is computed has a `Failure` for a result. Raises
         `WorkersError` where the work cannot go on: bad input, no scheduler or no worker for too long.
@@ -40,27 +40,39 @@ class Executor(Protocol):
         """Gives up what is outstanding."""
 
     def incidents(self) -> list[Incident]:
-        """What has happened to the cluster since this was last asked for."""
+        """What has happened to the cluster since the last call."""
 
     def close(self) -> None:
-        """Lets go of the processes; nothing can be run afterwards."""
+        """Ends or leaves the processes; nothing can be run afterwards."""
+
+
+class ExecutorSettings(Protocol):
+    """A kind of executor: a frozen dataclass of its options, all with defaults. `kind` is its name."""
+
+    kind: ClassVar[str]
+
+    def open(self, package: str | None) -> Executor:
+        """An executor that is ready to run: see `open_executor`. What is slow to import is imported here."""
+
+
+EXECUTORS: dict[str, type[ExecutorSettings]] = {
+    settings.kind: settings
+    for settings in (
+        LocalSettings,
+        DaskSettings,
+    )
+}
+"""Every kind of executor by its name. To add one, write its settings and add a line."""
 
 
 @contextmanager
-def open_executor(settings: Settings) -> Iterator[Executor]:
+def open_executor(settings: ExecutorSettings, package: str | None = None) -> Iterator[Executor]:
     """The executor that `settings` describe, ready to run and closed at the end.
 
-    Raises `WorkersError` where no scheduler or worker is there in time, or its gpsearch differs from ours.
+    `package` is a distribution whose version must be the same wherever the work runs; None where any will do.
+    Raises `WorkersError` where no scheduler or worker is there in time, or none has our version of the package.
     """
-    executor: Executor
-    match settings:
-        case LocalSettings():
-            executor = LocalExecutor()
-        case DaskSettings():
-            # distributed takes most of a second to import, which a run in this process need not pay.
-            from workers.dask_executor import open_dask
-
-            executor = open_dask(settings)
+    executor = settings.open(package)
     try:
         yield executor
     finally:

@@ -14,7 +14,7 @@ class Job:
     """A pure function to run over items: `function(context, item)` in any process, `context` being the recipe's.
 
     label:   names the work in messages and on the dashboard: "screen island 2 generation 7"
-    seconds: that an item takes, more or less; counts until the first ones were measured
+    seconds: about how long an item takes; used until the first ones were measured
     """
 
     function: Callable[[Any, Any], Any]
@@ -26,7 +26,7 @@ class Job:
     @property
     def kind(self) -> str:
         """What has a cost of its own: the first word of the label."""
-        return self.label.split()[0]
+        return self.label.partition(" ")[0]
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Done:
 
 
 class Incident(NamedTuple):
-    """Something that a run's log should hold: "workers", "retry", "scheduler", .., and a sentence."""
+    """Something that a run's log should hold: "workers", "retry", "scheduler", ..., and a sentence."""
 
     kind: str
     detail: str

@@ -1,4 +1,4 @@
-"""Several courses of work at once on one executor, each written down from its first job to its last."""
+"""Several courses of work at once on one executor, each written as a generator of its jobs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from workers.executor import Executor
 from workers.jobs import Done, Job
 
 Lane = Generator[Job, list[Any], None]
-"""Yields a job, is sent its results in the order of its items, goes on; no lane waits for another's work."""
+"""Yields a job, is sent its results in the order of its items, goes on; no lane waits for the work of another."""
 
 LOOK_SECONDS = 0.25
 """How long results are waited for before `stop` is asked again."""
@@ -29,42 +29,42 @@ def run_lanes(
 ) -> bool:
     """Runs lanes side by side to their ends; False where `stop` said to end early.
 
-    `done` hears of every result. Whatever ends it, every lane that is not at its end is thrown `Stopped`, and may
-    save what it has.
+    `done` is called with every result. `Stopped` is thrown into every lane that has not ended when this function
+    does, for whatever reason, so that it can save what it has.
     """
-    under_way: dict[Job, tuple[Lane, dict[int, Any]]] = {}
+    running: dict[Job, tuple[Lane, dict[int, Any]]] = {}
 
     def resume(lane: Lane, results: list[Any] | None) -> None:
         with suppress(StopIteration):
             job = next(lane) if results is None else lane.send(results)
             while not job.items:
                 job = lane.send([])
-            under_way[job] = (lane, {})
+            running[job] = (lane, {})
             executor.submit(job)
 
     try:
         for lane in lanes:
             resume(lane, None)
-        while under_way:
+        while running:
             if stop():
                 return False
-            results = executor.wait(LOOK_SECONDS)
-            for result in results:
-                under_way[result.job][1][result.index] = result.result
-                done(result)
-            for job in dict.fromkeys(result.job for result in results):
-                lane, found = under_way[job]
-                if len(found) == len(job.items):
-                    del under_way[job]
-                    resume(lane, [found[i] for i in range(len(found))])
+            news = executor.wait(LOOK_SECONDS)
+            for one in news:
+                running[one.job][1][one.index] = one.result
+                done(one)
+            for job in dict.fromkeys(one.job for one in news):
+                lane, results = running[job]
+                if len(results) == len(job.items):
+                    del running[job]
+                    resume(lane, [results[i] for i in range(len(results))])
         return True
     finally:
         with ExitStack() as stack:
-            for lane, found in under_way.values():
-                stack.callback(_end, lane, found)
+            for lane, results in running.values():
+                stack.callback(_end, lane, results)
             executor.abandon()
 
 
-def _end(lane: Lane, found: dict[int, Any]) -> None:
+def _end(lane: Lane, results: dict[int, Any]) -> None:
     with suppress(Stopped, StopIteration):
-        lane.throw(Stopped(found))
+        lane.throw(Stopped(results))

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
-from workers.attempt import RAISES, Raised, attempt
-from workers.context import context_of
-from workers.errors import task_failed
+from fitters.errors import FittersError
+from workers.context import RAISES, Raised, attempt, context_of
+from workers.errors import WorkersError, error_text, failure_text
 from workers.jobs import Done, Failure, Incident, Job
+
+
+@dataclass(frozen=True)
+class LocalSettings:
+    """Run in this process, one item after the other."""
+
+    kind: ClassVar[str] = "local"
+
+    def open(self, package: str | None) -> LocalExecutor:
+        """See `ExecutorSettings.open`."""
+        return LocalExecutor()
 
 
 class LocalExecutor:
@@ -45,7 +57,9 @@ class LocalExecutor:
             try:
                 result = attempt(job.function, context_of(job.recipe), job.items[index])
             except Exception as error:
-                raise task_failed(job.label, index, error, self.description) from error
+                bad_input, text = isinstance(error, FittersError), error_text(error)
+                reason = failure_text(job.label, index, text, self.description, bad_input=bad_input)
+                raise WorkersError(reason) from error
             if not isinstance(result, Raised):
                 return result
         return Failure(f"raised {result.text}")
@@ -59,4 +73,4 @@ class LocalExecutor:
         return []
 
     def close(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to close."""

@@ -25,7 +25,7 @@ from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from workers import DaskSettings, LocalSettings, Settings, Tls, WorkersError, open_executor
+from workers import DaskSettings, ExecutorSettings, LocalSettings, Tls, WorkersError, open_executor
 
 
 @click.command()
@@ -113,7 +113,7 @@ def _search(planned: Plan, store: WritableStore, configuration: Configuration, c
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up(name for name in planned.baselines if name not in store.baselines())
     with (
-        open_executor(executor_settings(configuration)) as executor,
+        open_executor(executor_settings(configuration), package="gpsearch") as executor,
         ProgressWatcher(console, planned.budget) as watcher,
     ):
         before = store.totals()[0]
@@ -160,7 +160,7 @@ def _is_remote(configuration: Configuration) -> bool:
     return isinstance(configuration.executor, DaskExecutorSection) and configuration.executor.scheduler is not None
 
 
-def executor_settings(configuration: Configuration) -> Settings:
+def executor_settings(configuration: Configuration) -> ExecutorSettings:
     """What `workers` takes, of a configuration."""
     executor = configuration.executor
     if isinstance(executor, DaskExecutorSection):

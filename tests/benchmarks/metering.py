@@ -15,7 +15,8 @@ from gpsearch.search import island_search
 from gpsearch.search.search import Search, SearchStatus
 from tests.benchmarks.runs import Silent
 from workers import Done, Executor, Job
-from workers.dispatch import Dispatch
+from workers.dispatch.dispatcher import Dispatcher
+from workers.dispatch.events import Event, Finished, Instruction
 
 PARTS = ("breeding", "dispatch", "storing", "rest")
 """What a launcher does. Dispatch is also whatever its other threads do: they speak with the scheduler."""
@@ -80,14 +81,15 @@ class Meter(Silent):
     @contextmanager
     def attached(self) -> Iterator[None]:
         """Within it, searches on this thread are metered."""
-        finished = Dispatch.finished
+        handle = Dispatcher.handle
 
-        def noted(dispatch: Dispatch, key: str, results: Sequence[Any], seconds: float) -> list[Done]:
-            self.tasks.append(Task(len(results), seconds))
-            return finished(dispatch, key, results, seconds)
+        def noted(dispatcher: Dispatcher, event: Event) -> list[Instruction]:
+            if isinstance(event, Finished) and (batch := dispatcher.state.out.get(event.key)):
+                self.tasks.append(Task(len(batch.indices), event.seconds))
+            return handle(dispatcher, event)
 
         with ExitStack() as stack:
-            stack.enter_context(patch.object(Dispatch, "finished", noted))
+            stack.enter_context(patch.object(Dispatcher, "handle", noted))
             for name in ("advance", "smallest_of_each_form"):
                 stack.enter_context(
                     patch.object(island_search, name, self._clocked("breeding", getattr(island_search, name)))

@@ -160,8 +160,8 @@ def run(
     meter = Meter(processes)
     with (
         tempfile.TemporaryDirectory() as folder,
-        open_executor(DaskSettings(scheduler=address)) as executor,
         meter.attached(),
+        open_executor(DaskSettings(scheduler=address)) as executor,
     ):
         store = MeteredStore.create(RunLock(Path(folder) / "run"), "")
         assert isinstance(store, MeteredStore)

@@ -10,7 +10,7 @@ from multiprocessing.synchronize import Event
 import dask.config
 from distributed import Worker
 
-from workers.terminal import silence_logs
+from workers.dask.processes import silence_logs
 
 PATIENCE_SECONDS = 120.0
 

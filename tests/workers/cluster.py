@@ -44,9 +44,10 @@ class Command:
                 return match[1]
 
     def kill(self) -> None:
-        """SIGKILL for the command and all its processes."""
-        os.killpg(self.process.pid, signal.SIGKILL)
-        self.process.wait()
+        """SIGKILL for the command and all its processes, where it has not ended."""
+        if self.process.poll() is None:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            self.process.wait()
 
     def read(self) -> None:
         assert self.process.stdout is not None
@@ -57,11 +58,12 @@ class Command:
 
 @dataclass
 class Cluster:
-    """A scheduler's address, and ways to change what is there."""
+    """A scheduler's address, and ways to change what is there. Its own options are those of every command."""
 
     stack: ExitStack
     scratch: str
     options: list[str]
+    workers: list[Command] = field(default_factory=list)
     scheduler: Command = field(init=False)
     address: str = field(init=False)
 
@@ -79,9 +81,19 @@ class Cluster:
         """Processes with a nanny each, which have joined."""
         arguments = ["--nworkers", str(count), "--local-directory", self.scratch, *LOCAL, *self.options, *options]
         nannies = self.command("dask-worker", self.address, *arguments, python_path=python_path)
+        self.workers.append(nannies)
         for _ in range(count):
             nannies.wait_for(r"Registered to:\s+(\w+://\S+)")
         return nannies
+
+    def repair(self, workers: int) -> None:
+        """A scheduler is there, with that number of fresh workers."""
+        for command in self.workers:
+            command.kill()
+        self.workers.clear()
+        if self.scheduler.process.poll() is not None:
+            self.start_scheduler(port=self.address.rsplit(":", 1)[1])
+        self.start_workers(workers)
 
     def command(self, name: str, *arguments: str, python_path: Path | None = None) -> Command:
         path = os.pathsep.join(str(folder) for folder in (python_path, ROOT) if folder)
@@ -136,5 +148,4 @@ def _command(name: str, *arguments: str, path: str) -> Iterator[Command]:
     try:
         yield command
     finally:
-        if process.poll() is None:
-            command.kill()
+        command.kill()

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from uuid import uuid4
 
@@ -15,13 +16,20 @@ from dask.utils import key_split
 
 from tests.workers import work
 from tests.workers.cluster import ROOT, changing_cluster, real_cluster
-from tests.workers.work import results
-from workers import DaskSettings, Job, WorkersError, open_executor
-from workers.dask_executor import key_prefix
+from tests.workers.work import results_of
+from workers import DaskSettings, Executor, Job, WorkersError, open_executor
+from workers.dask.executor import key_prefix
+
+
+@pytest.fixture(scope="module")
+def one_process() -> Iterator[Executor]:
+    """An executor of one worker process, which lasts."""
+    with open_executor(DaskSettings(workers=1)) as executor:
+        yield executor
 
 
 def open_and_fail(settings: DaskSettings) -> str:
-    with pytest.raises(WorkersError) as caught, open_executor(settings):
+    with pytest.raises(WorkersError) as caught, open_executor(settings, package="gpsearch"):
         pass
     return str(caught.value)
 
@@ -75,47 +83,44 @@ def test_one_foreign_worker_among_others_gets_no_work(tmp_path: Path) -> None:
     work.fake_version(tmp_path, "0.0.7")
     with changing_cluster(workers=1) as cluster:
         cluster.start_workers(1, python_path=tmp_path)
-        with open_executor(DaskSettings(cluster.address, wait_seconds=20)) as executor:
+        with open_executor(DaskSettings(cluster.address, wait_seconds=20), package="gpsearch") as executor:
             [incident] = executor.incidents()
             assert incident.kind == "refused"
             assert "has gpsearch 0.0.7" in incident.detail
             assert executor.processes == 1
-            assert results(executor, Job(work.square, work.RECIPE, range(9), "fit")) == {
+            assert results_of(executor, Job(work.square, work.RECIPE, range(9), "fit")) == {
                 n: n * n for n in range(9)
             }
 
 
-def test_worker_processes_compute_with_one_thread() -> None:
+def test_worker_processes_compute_with_one_thread(one_process: Executor) -> None:
     names = ["OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"]
-    with open_executor(DaskSettings(workers=1)) as executor:
-        job = Job(work.environment, work.RECIPE, names, "env")
-        assert set(results(executor, job).values()) == {"1"}
+    job = Job(work.environment, work.RECIPE, names, "env")
+    assert set(results_of(one_process, job).values()) == {"1"}
 
 
-def test_an_interrupt_does_not_reach_worker_processes() -> None:
-    with open_executor(DaskSettings(workers=1)) as executor:
-        before = results(executor, Job(work.process_and_builds, work.RECIPE, [0], "before"))
-        results(executor, Job(work.interrupt_own_process, work.RECIPE, [None], "interrupt"))
-        after = results(executor, Job(work.process_and_builds, work.RECIPE, [0], "after"))
+def test_an_interrupt_does_not_reach_worker_processes(one_process: Executor) -> None:
+    before = results_of(one_process, Job(work.process_and_builds, work.RECIPE, [0], "before"))
+    results_of(one_process, Job(work.interrupt_own_process, work.RECIPE, [None], "interrupt"))
+    after = results_of(one_process, Job(work.process_and_builds, work.RECIPE, [0], "after"))
     assert after == before
 
 
-def test_what_is_abandoned_does_not_start(tmp_path: Path) -> None:
-    with open_executor(DaskSettings(workers=1)) as executor:
-        items = [(str(tmp_path / str(n)), 0.2) for n in range(20)]
-        executor.submit(Job(work.mark_and_wait, work.RECIPE, items, "slow"))
-        executor.wait(20.0)
-        executor.abandon()
-        # The one process takes this up only after what the cancellation left of the work before.
-        assert results(executor, Job(work.square, work.RECIPE, [2], "next")) == {0: 4}
-        assert len(list(tmp_path.iterdir())) < len(items)
+def test_what_is_abandoned_does_not_start(one_process: Executor, tmp_path: Path) -> None:
+    items = [(str(tmp_path / str(n)), 0.2) for n in range(20)]
+    one_process.submit(Job(work.mark_and_wait, work.RECIPE, items, "slow"))
+    one_process.wait(20.0)
+    one_process.abandon()
+    # The one process starts this only after what the cancellation left of the work before.
+    assert results_of(one_process, Job(work.square, work.RECIPE, [2], "next")) == {0: 4}
+    assert len(list(tmp_path.iterdir())) < len(items)
 
 
 def test_processes_that_stay_away_fail_the_run() -> None:
     with open_executor(DaskSettings(workers=1, wait_seconds=1)) as executor:
         expected = r"^no worker processes on this machine for 1 s, with 1 pieces of work outstanding"
         with pytest.raises(WorkersError, match=expected):
-            results(executor, Job(work.leave_for_good, work.RECIPE, [None], "lonely"))
+            results_of(executor, Job(work.leave_for_good, work.RECIPE, [None], "lonely"))
 
 
 def test_a_process_is_restarted_long_after_its_first_death(tmp_path: Path) -> None:
@@ -123,7 +128,7 @@ def test_a_process_is_restarted_long_after_its_first_death(tmp_path: Path) -> No
     with hasty, open_executor(DaskSettings(workers=1)) as executor:
         for death in range(2):
             job = Job(work.die_once, work.RECIPE, [str(tmp_path / str(death))], "fit")
-            assert results(executor, job) == {0: "survived"}
+            assert results_of(executor, job) == {0: "survived"}
 
 
 INTERRUPTED = """
@@ -165,11 +170,13 @@ QUIET = """
 from tests.workers import work
 from workers import DaskSettings, Job, open_executor
 if __name__ == "__main__":
-    with open_executor(DaskSettings(workers=2, hang_seconds=0.5)) as executor:
-        for function in (work.chatter, work.hang, work.crash):
+    with open_executor(DaskSettings(workers=1, hang_seconds=0.5)) as executor:
+        work.results_of(executor, Job(work.chatter, work.RECIPE, [None], "job", 0.01))
+        for function in (work.hang, work.crash):
             executor.submit(Job(function, work.RECIPE, [None], "job", 0.01))
-            while executor.outstanding:
-                executor.wait(10.0)
+            while not any(incident.kind == "lost" for incident in executor.incidents()):
+                executor.wait(0.1)
+            executor.abandon()
 """
 
 

@@ -53,7 +53,7 @@ def test_tasks_run_over_tls(cluster: str, tls: Tls) -> None:
     assert cluster.startswith("tls://")
     with open_executor(DaskSettings(cluster, wait_seconds=20, tls=tls)) as executor:
         assert executor.description == f"{cluster} with 1 worker"
-        found = work.results(executor, Job(work.combine, work.RECIPE, range(5), "fit"))
+        found = work.results_of(executor, Job(work.combine, work.RECIPE, range(5), "fit"))
     assert found == {n: ("context of tests", n**2) for n in range(5)}
 
 
@@ -64,7 +64,7 @@ def test_nothing_is_in_clear_on_the_wire(cluster: str, tls: Tls) -> None:
         with eavesdropper(address) as (detour, heard):
             with open_executor(DaskSettings(detour, wait_seconds=20, tls=tls)) as executor:
                 job = Job(work.environment, work.RECIPE, [SECRET], "fit")
-                assert work.results(executor, job) == {0: None}
+                assert work.results_of(executor, job) == {0: None}
             return bytes(heard)
 
     assert SECRET.encode() not in overheard(cluster, tls)

@@ -1,4 +1,4 @@
-"""Recipes and functions that the tests run in worker processes, which import them from here."""
+"""Functions that the tests run in worker processes, which import them from here."""
 
 from __future__ import annotations
 
@@ -8,39 +8,20 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 from distributed import get_worker
 
-from fitters.errors import FittersError
-from workers import Executor, Job, Recipe
+from workers.testing.functions import (
+    RECIPE,
+    combine,
+    crash,
+    hang,
+    process_and_builds,
+    results_of,
+    square,
+)
 
-builds = 0
-
-
-def build(argument: str) -> str:
-    global builds
-    builds += 1
-    return f"context of {argument}"
-
-
-RECIPE = Recipe(build, "tests")
-
-
-def results(executor: Executor, job: Job, wait: float = 5.0) -> dict[int, Any]:
-    """Submits a job, alone, and waits for all its results; by index."""
-    executor.submit(job)
-    found: dict[int, Any] = {}
-    while executor.outstanding:
-        for done in executor.wait(wait):
-            assert done.job is job
-            assert done.index not in found
-            found[done.index] = done.result
-    return found
-
-
-def square(_context: str, payload: int) -> int:
-    return payload**2
+__all__ = ["RECIPE", "combine", "crash", "hang", "process_and_builds", "results_of", "square"]
 
 
 def square_slowly(_context: str, payload: tuple[int, float]) -> int:
@@ -62,29 +43,6 @@ def slow_at_first(_context: str, payload: tuple[str, int]) -> int:
     return number**2
 
 
-def combine(context: str, payload: int) -> tuple[str, int]:
-    return context, payload**2
-
-
-def process_and_builds(_context: str, _payload: int) -> tuple[int, int]:
-    time.sleep(0.02)
-    return os.getpid(), builds
-
-
-def fail_at_three(_context: str, payload: int) -> int:
-    if payload == 3:
-        raise KeyError("no such thing")
-    return payload
-
-
-def build_badly(argument: str) -> None:
-    raise MemoryError(f"no room for {argument}")
-
-
-def reject(_context: str, payload: str) -> None:
-    raise FittersError(f"{payload} cannot be read: mount it there")
-
-
 def mark_and_wait(_context: str, payload: tuple[str, float]) -> None:
     """Leaves a file at the path when it starts, then takes the seconds."""
     path, seconds = payload
@@ -101,28 +59,9 @@ def die_once(_context: str, payload: str) -> str:
     return "survived"
 
 
-def die(_context: str, _payload: None) -> None:
-    os.kill(os.getpid(), signal.SIGKILL)
-
-
 def interrupt_own_process(_context: str, _payload: None) -> None:
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(0.3)
-
-
-def crash(_context: str, payload: int | None) -> int:
-    """Takes the process with it, by a bad pointer, where the payload is None."""
-    if payload is None:
-        ctypes.string_at(0)
-    assert payload is not None
-    return payload
-
-
-def hang(_context: str, payload: int | None) -> int:
-    """Never ends where the payload is None."""
-    while payload is None:
-        pass
-    return payload
 
 
 def hang_with_the_lock(_context: str, payload: int | None) -> int:
@@ -143,7 +82,7 @@ def eat_memory(_context: str, payload: int | None) -> int:
 
 
 def process_after(_context: str, seconds: float) -> tuple[int, str]:
-    """The worker's process and its address, after so many seconds."""
+    """The worker's process and its address, after some seconds."""
     time.sleep(seconds)
     return os.getpid(), get_worker().address
 

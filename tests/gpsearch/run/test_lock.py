@@ -35,7 +35,7 @@ WITH_A_WORKER = """
 from tests.workers import work
 from workers import DaskSettings, Job, open_executor
 with open_executor(DaskSettings(workers=1)) as executor:
-    worker, _ = work.results(executor, Job(work.process_and_builds, work.RECIPE, [0], "who"))[0]
+    worker, _ = work.results_of(executor, Job(work.process_and_builds, work.RECIPE, [0], "who"))[0]
     print(worker, flush=True)
     input()
 """

@@ -75,7 +75,7 @@ def _refuse_passphrase() -> str:
 
 
 def trouble(address: str, tls: Tls, context: ssl.SSLContext, seconds: float) -> str | None:
-    """Why the scheduler at `address` and we cannot agree on TLS; None where they can, or nobody answers at all."""
+    """Why the scheduler at `address` and we cannot agree on TLS; None where they can, or nothing answers."""
     try:
         with _open(address, seconds) as plain, context.wrap_socket(plain) as encrypted:
             # A scheduler looks at our certificate after we are done with its own, and is the first to speak.

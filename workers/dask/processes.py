@@ -1,9 +1,16 @@
-"""Worker processes of this machine, which live as long as the run that started them."""
+"""Worker processes of this machine, which live as long as the run that started them.
+
+The terminal belongs to the launcher: Dask's log and Ctrl-C are kept away from it and from its worker processes.
+"""
 
 from __future__ import annotations
 
+import logging
 import os
-from contextlib import ExitStack
+import signal
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from multiprocessing import resource_tracker
 from typing import Any
 
 import dask.config
@@ -11,7 +18,9 @@ from dask.system import CPU_COUNT
 from distributed import Client, LocalCluster, Nanny, Worker
 
 from workers.errors import WorkersError
-from workers.terminal import interrupts_kept_from_children, silence_logs, silenced_logs
+
+NOISY = ("distributed", "distributed.client", "distributed.gc", "asyncio", "tornado.application")
+"""The loggers that distributed gives a level and a handler of their own, and those of its event loop."""
 
 ONE_THREAD = {
     "OMP_NUM_THREADS": "1",
@@ -79,3 +88,38 @@ def start_processes(workers: int | None, wait_seconds: float, stack: ExitStack) 
             return stack.enter_context(Client(cluster, timeout=wait_seconds, set_as_default=False))
     except (OSError, RuntimeError) as error:
         raise WorkersError(f"{count} worker processes could not be started here: {error}") from error
+
+
+def silence_logs() -> None:
+    """Dask logs nothing in this process from now on."""
+    for name in NOISY:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+
+
+@contextmanager
+def silenced_logs() -> Iterator[None]:
+    """Within it, Dask logs nothing in this process: what matters to a user is raised as `WorkersError`."""
+    before = {name: logging.getLogger(name).level for name in NOISY}
+    silence_logs()
+    try:
+        yield
+    finally:
+        for name, level in before.items():
+            logging.getLogger(name).setLevel(level)
+
+
+@contextmanager
+def interrupts_kept_from_children() -> Iterator[None]:
+    """Threads and processes started within it, and by these later, never see SIGINT.
+
+    A terminal sends Ctrl-C to every process of its foreground group; only the launcher shall act on it, and
+    stop its workers itself. A signal mask passes to children through fork and exec, so that not even a
+    process that is still importing prints a traceback. The launcher gets its own Ctrl-C afterwards.
+    """
+    # It would be started by the first child, and let SIGINT through to the thread that starts it.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

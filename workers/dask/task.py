@@ -1,4 +1,4 @@
-"""What happens in a worker: a batch of items is run, and whatever goes wrong with one is told apart."""
+"""What happens in a worker: the items of a task are run, and an error of one item is kept from the others."""
 
 from __future__ import annotations
 
@@ -14,10 +14,9 @@ from typing import Any
 
 from distributed import Worker, get_worker
 
-from workers.attempt import attempt
-from workers.context import Recipe, context_of
+from workers.context import Recipe, attempt, context_of
+from workers.dask.connection import Package
 
-PACKAGE = "gpsearch"
 WATCHDOG_GRACE = 2.0
 """Seconds past a task's limit after which its process is ended: by then the launcher has given the task up."""
 
@@ -25,16 +24,8 @@ FLUSH_SECONDS, SUSPECT_FLUSH_SECONDS = 0.002, 0.05
 """How long a task waits, so that the word of its start is out before it can crash its process or hold its lock."""
 
 
-class ForeignWorkerError(RuntimeError):
-    """A task came to the worker at an address with another version of the package: its two arguments."""
-
-    @property
-    def address(self) -> str:
-        return str(self.args[0])
-
-    @property
-    def version(self) -> str:
-        return str(self.args[1])
+class VersionDiffersError(RuntimeError):
+    """A task came to a worker that has another version of the package. Its arguments: address, what is wrong."""
 
 
 class Whole:
@@ -57,35 +48,34 @@ class Task(Whole):
     """All that travels to a worker.
 
     key, topic: as what, and where, the start is announced
-    version:    of the launcher's package
-    limit:      seconds after which the task is taken to hang
+    package:    whose version must be the same here; None where any will do
+    limit:      seconds after which the task counts as hanging
     suspect:    whether a process was lost with these items before
     """
 
     function: Callable[[Any, Any], Any]
     recipe: Recipe
     items: tuple[Any, ...]
-    key: str
+    key: int
     topic: str
-    version: str
+    package: Package | None
     limit: float
     suspect: bool
 
 
 @dataclass(frozen=True)
 class Report(Whole):
-    """What a task brings back: a result or `Raised` per item, where, and seconds without loading the context."""
+    """What a task brings back: a result or `Raised` per item, and seconds without loading the context."""
 
     results: list[Any]
-    worker: str
     seconds: float
 
 
 def run_task(task: Task) -> Report:
     """Runs the items of a task. Raises what its recipe does, or `FittersError`, with the worker as a note."""
     worker = get_worker()
-    if (version := importlib.metadata.version(PACKAGE)) != task.version:
-        raise ForeignWorkerError(worker.address, version)
+    if task.package and (fault := task.package.fault(importlib.metadata.version(task.package.name))):
+        raise VersionDiffersError(worker.address, fault)
     try:
         context = context_of(task.recipe)
         _announce(worker, task)
@@ -95,7 +85,7 @@ def run_task(task: Task) -> Report:
     except Exception as error:
         error.add_note(f"worker {worker.address}")
         raise
-    return Report(results, worker.address, time.perf_counter() - began)
+    return Report(results, time.perf_counter() - began)
 
 
 def _announce(worker: Worker, task: Task) -> None:

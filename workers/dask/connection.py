@@ -6,20 +6,39 @@ import asyncio
 import importlib.metadata
 import re
 from contextlib import ExitStack
+from dataclasses import dataclass
 from time import monotonic
 
 from distributed import Client, Security
 from distributed.comm import connect as open_comm
 
+from workers.dask.processes import silenced_logs
+from workers.dask.tls import OPTIONS, Tls, check_files, expects_tls, trouble
 from workers.errors import WorkersError
-from workers.terminal import silenced_logs
-from workers.tls import OPTIONS, Tls, check_files, expects_tls, trouble
 
-PACKAGE = "gpsearch"
 ANSWER_SECONDS = 10.0
 """How long a worker may take to say which version it has: a frozen one never does."""
 
 ADDRESS = re.compile(r"(tcp|tls)://(\[[0-9a-fA-F:.]+\]|[^\s:/\[\]]+):(?P<port>\d{1,5})")
+
+
+@dataclass(frozen=True)
+class Package:
+    """A distribution that must have the same version wherever the work runs."""
+
+    name: str
+    version: str
+
+    def fault(self, version: str | BaseException) -> str:
+        """What is wrong with an answer to which version there is; empty where it is ours."""
+        if isinstance(version, importlib.metadata.PackageNotFoundError):
+            return f"has no {self.name}: install {self.name} {self.version} there"
+        if isinstance(version, BaseException):
+            return f"cannot say which {self.name} it has: {version}"
+        if version != self.version:
+            here = f"this process {self.version}"
+            return f"has {self.name} {version}, {here}: install the same version on both"
+        return ""
 
 
 def connect(address: str, wait_seconds: float, stack: ExitStack, tls: Tls | None = None) -> Client:
@@ -41,7 +60,7 @@ def connect(address: str, wait_seconds: float, stack: ExitStack, tls: Tls | None
     try:
         left = max(0.1, deadline - monotonic())
         asyncio.run(asyncio.wait_for(_shake_hands(address, left, security), left))
-        client = Client(address, timeout=wait_seconds, set_as_default=False, name=PACKAGE, security=security)
+        client = Client(address, timeout=wait_seconds, set_as_default=False, security=security)
         stack.callback(client.close)
     except (OSError, ValueError) as error:
         if tls is None and expects_tls(address, deadline - monotonic()):
@@ -93,49 +112,31 @@ async def _shake_hands(address: str, wait_seconds: float, security: Security) ->
     comm.abort()
 
 
-def require_same_package(client: Client, ours: str) -> dict[str, str]:
-    """What is wrong with the gpsearch of workers, by address: see `versions`.
-
-    Raises `WorkersError` where the scheduler or every worker has another one than `ours`, or none.
-    """
-    faults = client.sync(versions, client, ours)
-    if faults.keys() >= client.nthreads().keys():
-        for place, text in faults.items():
-            raise WorkersError(f"worker {place} {text}")
-    if text := fault(client.sync(_version_of_scheduler, client), ours):
-        raise WorkersError(f"scheduler {text}")
-    return faults
-
-
-async def versions(client: Client, ours: str, workers: list[str] | None = None) -> dict[str, str]:
-    """What is wrong with the gpsearch of those workers that have another version than ours, by address.
+async def faults_of_workers(
+    client: Client, package: Package | None, workers: list[str] | None = None
+) -> dict[str, str]:
+    """What is wrong on those workers that have another version of `package`, by address.
 
     Asks by a function of the standard library, since it must be found where our package is not. Where a worker
-    does not answer in time, none is blamed: the first task that one of them gets will tell.
+    does not answer in time, none is named: the first task that one of them gets will tell.
     """
-    question = client.run(importlib.metadata.version, PACKAGE, workers=workers, on_error="return")
+    if package is None:
+        return {}
+    question = client.run(importlib.metadata.version, package.name, workers=workers, on_error="return")
     try:
         answers = await asyncio.wait_for(question, ANSWER_SECONDS)
     except TimeoutError:
         return {}
-    faults = {address: fault(answer, ours) for address, answer in answers.items()}
+    faults = {address: package.fault(answer) for address, answer in answers.items()}
     return {address: text for address, text in faults.items() if text}
 
 
-def fault(version: str | BaseException, ours: str) -> str:
-    """What is wrong with an answer to which version there is; nothing where it is ours."""
-    if isinstance(version, importlib.metadata.PackageNotFoundError):
-        return f"has no {PACKAGE}: install {PACKAGE} {ours} there"
-    if isinstance(version, BaseException):
-        return f"cannot say which {PACKAGE} it has: {version}"
-    if version != ours:
-        return f"has {PACKAGE} {version}, this process {ours}: install the same version on both"
-    return ""
-
-
-async def _version_of_scheduler(client: Client) -> str | BaseException:
-    question = client.run_on_scheduler(importlib.metadata.version, PACKAGE)
+async def fault_of_scheduler(client: Client, package: Package | None) -> str:
+    """What is wrong with the scheduler's version of `package`; empty where it is ours."""
+    if package is None:
+        return ""
+    question = client.run_on_scheduler(importlib.metadata.version, package.name)
     try:
-        return await asyncio.wait_for(question, ANSWER_SECONDS)
+        return package.fault(await asyncio.wait_for(question, ANSWER_SECONDS))
     except Exception as error:
-        return error
+        return package.fault(error)
