@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 from gpsearch.errors import GpsearchError
 
 if TYPE_CHECKING:
-    from gpsearch.run import Baseline, Formula, Result, load_run
+    from gpsearch.run import Baseline, FoundFormula, Result, load_run
 
-__all__ = ["Baseline", "Formula", "GpsearchError", "Result", "__version__", "load_run"]
+__all__ = ["Baseline", "FoundFormula", "GpsearchError", "Result", "__version__", "load_run"]
 
 __version__ = version("gpsearch")
 

@@ -7,7 +7,7 @@ from fitters.errors import FittersError
 from fitters.materials import Material, load_material
 from fitters.models import Model
 from gpsearch.configuration import Configuration
-from gpsearch.run import Baseline, Formula, Result
+from gpsearch.run import Baseline, FoundFormula, Result
 from gpsearch.run.identity import require_content
 
 
@@ -19,7 +19,7 @@ class Contender:
     warnings: about the fits to these materials
     """
 
-    entry: Formula | Baseline
+    entry: FoundFormula | Baseline
     models: Mapping[str, Model]
     warnings: tuple[str, ...] = ()
 

@@ -23,7 +23,7 @@ from gpsearch.run.result import (
     Channels,
     Culling,
     FitOnTests,
-    Formula,
+    FoundFormula,
     Metrics,
     Origin,
     Parameters,
@@ -129,11 +129,11 @@ def _size_and_error(row: tuple[Member, Description, Culled]) -> tuple[float, flo
 
 def _formula(
     member: Member, before: Description, left: Culled, materials: Sequence[str], tested: FitsOnTests
-) -> Formula:
+) -> FoundFormula:
     description = left.description
     assert description is not None
     fit, checks = description.fit, description.checks
-    return Formula(
+    return FoundFormula(
         id=hashlib.sha256(left.expression.encode()).hexdigest()[:8],
         expression=left.expression,
         nodes=expressions.parse(left.expression).nodes,

@@ -81,7 +81,7 @@ class FitOnTests:
 
 
 class Entry:
-    """A model of a result with its fit to every material: a `Formula` or a `Baseline`."""
+    """A model of a result with its fit to every material: a `FoundFormula` or a `Baseline`."""
 
     parameters: Parameters | None
     error: float | None
@@ -132,7 +132,7 @@ class Culling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formula(Entry):
+class FoundFormula(Entry):
     """A formula that was found.
 
     checks: `reciprocity` (largest relative difference), `minimum` (on lit cells, sr^-1) and `albedo_max`
@@ -216,7 +216,7 @@ class Result:
     """
 
     run: RunInformation
-    formulas: tuple[Formula, ...]
+    formulas: tuple[FoundFormula, ...]
     baselines: tuple[Baseline, ...]
     configuration: Configuration | None = field(default=None, compare=False)
     missing: int = field(default=0, compare=False)
@@ -230,11 +230,11 @@ class Result:
         return self.configuration
 
     @property
-    def entries(self) -> tuple[Formula | Baseline, ...]:
+    def entries(self) -> tuple[FoundFormula | Baseline, ...]:
         """The formulas, then the baselines."""
         return (*self.formulas, *self.baselines)
 
-    def entry(self, name: str) -> Formula | Baseline:
+    def entry(self, name: str) -> FoundFormula | Baseline:
         """The formula with an id, or the baseline with a name. Raises `GpsearchError` where there is neither."""
         for entry in self.entries:
             if entry.name == name:
@@ -296,7 +296,7 @@ class Result:
         return result_html(self)
 
 
-def model_of(entry: Formula | Baseline, material: str | Material) -> Model:
+def model_of(entry: FoundFormula | Baseline, material: str | Material) -> Model:
     """The model of a material; `material` is loaded where the entry is no formula. Raises `FittersError`."""
     name = material if isinstance(material, str) else material.name
     if entry.expression is None:
@@ -315,7 +315,7 @@ _NAMES: dict[type, dict[str, Any]] = {
     Culling: {"expression": override(rename="from")},
     FitOnTests: {},
     RunInformation: {},
-    Formula: {"edits": override(rename="genome")},
+    FoundFormula: {"edits": override(rename="genome")},
     Baseline: {},
     Result: {
         "formulas": override(rename="front"),
