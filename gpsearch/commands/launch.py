@@ -82,7 +82,7 @@ def _store(lock: RunLock, configuration: Configuration) -> WritableStore:
         )
         conflicts = configuration.conflicts(before)
         if conflicts and not store.totals()[1]:
-            # Nothing was found yet: whoever mends a configuration that failed at its first launch starts anew.
+            # Nothing was found yet: a configuration that failed at its first launch may be mended.
             store.clear()
         elif conflicts:
             store.close()

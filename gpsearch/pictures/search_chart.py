@@ -62,10 +62,10 @@ def search_chart(runs: Sequence[SearchedRun], folder: Path) -> dict[str, Path]:
 
 def grouped(drawn: Sequence[Curve]) -> dict[str, list[Curve]]:
     """Curves by name, in their order."""
-    found: dict[str, list[Curve]] = {}
+    groups: dict[str, list[Curve]] = {}
     for curve in drawn:
-        found.setdefault(curve.name, []).append(curve)
-    return found
+        groups.setdefault(curve.name, []).append(curve)
+    return groups
 
 
 def points(curve: Curve) -> tuple[list[float], list[float]]:
@@ -97,15 +97,15 @@ def _coloured(drawn: Sequence[Curve]) -> list[tuple[str, str, list[Curve]]]:
     """(name, colour, curves) of every search."""
     groups = grouped(drawn)
     colours = [FOUND_COLOUR, *(colour for colour, _ in zip(cycle(COLOURS), groups, strict=False))]
-    return [(name, colour, found) for (name, found), colour in zip(groups.items(), colours, strict=False)]
+    return [(name, colour, runs) for (name, runs), colour in zip(groups.items(), colours, strict=False)]
 
 
 def _draw(drawn: Sequence[Curve], title: str, files: dict[str, Path]) -> None:
     figure = new_figure(8, 5)
     axes = figure.add_subplot()
     ends = []
-    for order, (name, colour, found) in enumerate(_coloured(drawn)):
-        seconds, errors = median_points(found)
+    for order, (name, colour, runs) in enumerate(_coloured(drawn)):
+        seconds, errors = median_points(runs)
         above = len(drawn) - order
         axes.step(
             seconds,
@@ -117,7 +117,7 @@ def _draw(drawn: Sequence[Curve], title: str, files: dict[str, Path]) -> None:
             label=name,
         )
         ends.append((name, colour, (seconds[-1], errors[-1])))
-        for curve in found if len(found) > 1 else ():
+        for curve in runs if len(runs) > 1 else ():
             axes.step(*points(curve), where="post", color=colour, lw=0.6, alpha=0.35, zorder=1)
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -136,8 +136,8 @@ def _draw(drawn: Sequence[Curve], title: str, files: dict[str, Path]) -> None:
 def _html(drawn: Sequence[Curve], title: str) -> str:
     """A page that needs no network: the chart, and under the pointer what the front was then."""
     figure = plotly.Figure()
-    for name, colour, found in _coloured(drawn):
-        for i, curve in enumerate(found):
+    for name, colour, runs in _coloured(drawn):
+        for i, curve in enumerate(runs):
             seconds, errors = points(curve)
             steps = [*curve.steps, curve.steps[-1]]
             figure.add_trace(

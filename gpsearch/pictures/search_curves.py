@@ -70,7 +70,7 @@ class SearchedRun:
     @classmethod
     def of(cls, folder: Path, store: Store, configuration: Configuration) -> "SearchedRun":
         """Raises `GpsearchError` where nothing is known of the front's history."""
-        # The front first: a run that is on its way can only add to the history of what was read.
+        # The front first: a run that is searching can only add to the history of what was read.
         front = {(member.nodes, member.error) for member in store.front().members}
         generations = tuple(store.generations())
         if not front:
@@ -78,15 +78,15 @@ class SearchedRun:
         if not front <= {point for generation in generations for point in generation.arrived}:
             raise GpsearchError(
                 f"{folder}: the run was begun by a version of gpsearch that did not note when the front was found;"
-                " launch its configuration anew with another --run"
+                " launch its configuration again with another --run"
             )
         return cls(folder, configuration, ProblemIdentity.of(store, configuration), generations, store.seconds)
 
     @property
     def arrivals(self) -> list[tuple[float, tuple[Point, ...]]]:
         """(seconds, members that came to the front), in order of time."""
-        found = [(g.at, g.arrived) for g in self.generations if g.arrived and g.at is not None]
-        return sorted(found, key=lambda arrival: arrival[0])
+        arrivals = [(g.at, g.arrived) for g in self.generations if g.arrived and g.at is not None]
+        return sorted(arrivals, key=lambda arrival: arrival[0])
 
     def curve(self, name: str, reference: Reference) -> Curve:
         front: list[Point] = []

@@ -1,8 +1,7 @@
 """The run directory: the store of all that a search needs to go on, its lock, and the result of a run."""
 
 from fitters.models import FormulaBaseline, TabulatedBaseline
-from gpsearch.run.front import Front, Member, Screened, non_dominated
-from gpsearch.run.known import Known
+from gpsearch.run.front import Front, Known, Member, Screened, non_dominated
 from gpsearch.run.loading import listed_expressions, load_run, open_run, result_of
 from gpsearch.run.result import Baseline, Entry, FoundFormula, Result, RunInformation
 from gpsearch.run.store import Generation, Quarantined, Store

@@ -47,15 +47,15 @@ class ProblemIdentity:
 
     def differences(self, other: "ProblemIdentity") -> list[str]:
         """In words, what another problem (`other`) has otherwise."""
-        found = [f"metric: {other.metric} instead of {self.metric}"] if self.metric != other.metric else []
+        changes = [f"metric: {other.metric} instead of {self.metric}"] if self.metric != other.metric else []
         if self.light != other.light:
-            found.append("scene: another light or geometry")
+            changes.append("scene: another light or geometry")
         ours, theirs = set(self.materials.values()), set(other.materials.values())
         more = [_name(reference) for reference, content in other.materials.items() if content not in ours]
         fewer = [_name(reference) for reference, content in self.materials.items() if content not in theirs]
         if more or fewer:
-            found.append(f"materials: {', '.join(more) or 'none'} instead of {', '.join(fewer) or 'none'}")
-        return found
+            changes.append(f"materials: {', '.join(more) or 'none'} instead of {', '.join(fewer) or 'none'}")
+        return changes
 
 
 def _name(reference: str) -> str:

@@ -24,8 +24,8 @@ from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
-from gpsearch.run.converter import json_converter
 from gpsearch.run.listing import result_html, result_text
+from gpsearch.run.records import json_converter
 
 SCHEMA = "gpsearch-front/1"
 FOUND, PUBLISHED = "found", "formula"

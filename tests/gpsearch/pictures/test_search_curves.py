@@ -145,7 +145,7 @@ def test_a_run_of_a_version_that_noted_no_times_is_refused(tmp_path):
             older._connection.execute("UPDATE generations SET stages = ?", (json.dumps(row.stages),))
     assert all((row.at, row.arrived) == (None, ()) and row.stages for row in store.generations())
     with pytest.raises(
-        GpsearchError, match="did not note when the front was found; launch its configuration anew"
+        GpsearchError, match="did not note when the front was found; launch its configuration again"
     ):
         SearchedRun.of(tmp_path / "run", store, configuration)
     store.close()
