@@ -14,7 +14,7 @@ from fitters.backends.program import lower
 from fitters.engine import prepared
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import fit
+from fitters.fitting import fit_cells
 from fitters.judging.metrics import RESIDUALS
 from gpsearch.run import Store
 from gpsearch.search.plan import problem_recipe
@@ -90,9 +90,9 @@ def test_without_projection_every_parameter_is_searched():
 def test_without_projection_a_fit_is_never_better_and_on_an_easy_formula_as_good(problem, name, factor):
     """The closed form is the least squares optimum within the box: a simplex over the same box cannot beat it."""
     expression = CATALOGUE[name].expression
-    solved = fit(expression, problem.sample, problem.metric, WIDE)
+    solved = fit_cells(expression, problem.sample, problem.metric, WIDE)
     with substituted(Arm("x", {}, (WITHOUT_PROJECTION,))):
-        searched = fit(expression, problem.sample, problem.metric, WIDE)
+        searched = fit_cells(expression, problem.sample, problem.metric, WIDE)
     assert 0.999 * solved.error <= searched.error <= factor * solved.error
 
 

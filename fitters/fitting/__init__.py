@@ -1,7 +1,7 @@
 """Fits: the problem (cells, light weights, target values), the metric, and the best parameters per target."""
 
+from fitters.fitting.cell_fit import Fit, fit_cells, refit_cells
 from fitters.fitting.exact import exact_errors, model_errors
-from fitters.fitting.fit import Fit, fit, refit
 from fitters.fitting.problem import Problem, ProblemRecipe
 from fitters.fitting.settings import FitSettings
 from fitters.fitting.stages import (
@@ -15,8 +15,8 @@ from fitters.fitting.stages import (
     describe,
     fit_formula,
     screen,
+    transfer,
 )
-from fitters.fitting.transfer import transfer
 from fitters.judging.metrics import RESIDUALS
 
 __all__ = [
@@ -34,10 +34,10 @@ __all__ = [
     "confirm",
     "describe",
     "exact_errors",
-    "fit",
+    "fit_cells",
     "fit_formula",
     "model_errors",
-    "refit",
+    "refit_cells",
     "screen",
     "transfer",
 ]

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fitters.expressions import Expression
+from fitters.fitting.cell_fit import Fit
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import Fit
 from fitters.fitting.polish import TargetSquares, targets_of
 from fitters.fitting.settings import Bounds
 from fitters.grid import Array

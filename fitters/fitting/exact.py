@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features, parameter_free
-from fitters.fitting.fit import Fit
+from fitters.fitting.cell_fit import Fit
 from fitters.fitting.problem import Problem, weighted_target
 from fitters.grid import CHANNELS, Array, cell_directions
 from fitters.judging.metrics import COSINE, RESIDUALS, Residual, length

@@ -16,8 +16,8 @@ from fitters.backends.program import lower
 from fitters.engine.coordinates import Coordinates
 from fitters.engine.prepared import linear_units
 from fitters.expressions import Expression
+from fitters.fitting.cell_fit import Fit
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import Fit
 from fitters.fitting.least_squares import LeastSquares
 from fitters.fitting.settings import Bounds
 from fitters.grid import Array

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features, parameter_free
+from fitters.fitting.cell_fit import Fit, fit_cells
 from fitters.fitting.cells import Cells, mean_share, sample
-from fitters.fitting.fit import Fit, fit
 from fitters.fitting.polish import polish
 from fitters.fitting.problem import Problem, full_cells
 from fitters.fitting.settings import Bounds, FitSettings
@@ -98,7 +98,7 @@ def prices(
     few = problem.full.only(carriers(problem.full, SHARES[0]))
     measured = full_cells(Problem(materials, uniform_light()), metric)
     fine = sample(measured, count, 0)
-    anew = fit(expression, fine, metric, bounds, settings.thorough(), near=found.columns)
+    anew = fit_cells(expression, fine, metric, bounds, settings.thorough(), near=found.columns)
     fits = {
         f"{100 * SHARES[0]:g} %": (len(few), polish(expression, few, problem.metric, bounds, found)),
         "lit": (len(problem.full), polish(expression, problem.full, problem.metric, bounds, found)),

@@ -6,16 +6,21 @@ the front, and at last describes the members of the front in full.
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from pathlib import Path
 
+import numpy as np
+
+from fitters import backends, cache, engine, expressions, judging, materials, scenes
 from fitters.engine.cost import cost_ns
 from fitters.expressions import parse
+from fitters.fitting.cell_fit import Columns, Fit, fit_cells, refit_cells
 from fitters.fitting.exact import exact_errors
-from fitters.fitting.fit import Columns, Fit, fit, refit
 from fitters.fitting.polish import polish
 from fitters.fitting.problem import Problem
 from fitters.fitting.settings import Bounds, FitSettings
 from fitters.fitting.warnings import warnings_of
+from fitters.judging import metrics
 from fitters.judging.checks import Checks, check
 from fitters.judging.metrics import RESIDUALS
 
@@ -95,7 +100,7 @@ def screen(
     settings: FitSettings,
 ) -> Fit:
     """The fit of a candidate on the small sample, its parameters within bounds (name, low, high)."""
-    return fit(
+    return fit_cells(
         parse(candidate.expression),
         problem.sample,
         problem.metric,
@@ -114,11 +119,11 @@ def confirm(problem: Problem, task: ConfirmJob) -> Confirmed:
     started = time.perf_counter()
     bounds, settings, metric = task.job.intervals, task.job.settings, problem.metric
     expression = parse(task.job.expressions[0])
-    near = task.near or fit(expression, problem.sample, metric, bounds, settings).columns
-    found = refit(expression, problem.fine, metric, bounds, near, settings, evaluations=PROBE_EVALUATIONS)
+    near = task.near or fit_cells(expression, problem.sample, metric, bounds, settings).columns
+    found = refit_cells(expression, problem.fine, metric, bounds, near, settings, evaluations=PROBE_EVALUATIONS)
     if found.error - found.standard_error <= task.bar:
-        found = fit(expression, problem.fine, metric, bounds, settings.thorough(), near=found.columns)
-        found = refit(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
+        found = fit_cells(expression, problem.fine, metric, bounds, settings.thorough(), near=found.columns)
+        found = refit_cells(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
     return Confirmed(found, time.perf_counter() - started)
 
 
@@ -146,3 +151,47 @@ def fit_formula(problem: Problem, job: FitJob) -> tuple[Description, float]:
     """
     confirmed = confirm(problem, ConfirmJob(job))
     return describe(problem, DescriptionJob(job, confirmed.fit)), confirmed.seconds
+
+
+def transfer(problem: Problem, job: FitJob) -> Description:
+    """The formula of a job fitted to a problem's materials as thoroughly as what a search keeps, and described.
+
+    Nothing of an earlier fit goes into it: the same formula, bounds, settings and problem give the same, and are
+    fitted once on a machine. A formula that is not finite has infinite errors.
+    """
+    key = cache.digest(job.expressions, job.bounds, job.settings, problem.sha256, _code())
+    return _read(cache.arrays("transfer", key, lambda: _arrays(fit_formula(problem, job)[0])))
+
+
+def _arrays(description: Description) -> dict[str, np.ndarray]:
+    fit = description.fit
+    return {
+        "names": np.array(fit.names, np.str_),
+        "values": fit.values,
+        "errors": fit.errors,
+        "error": np.array(fit.error),
+        "evaluations": np.array(fit.evaluations),
+        "checks": np.array(astuple(description.checks)),
+        "cost_ns": np.array(description.cost_ns),
+        "warnings": np.array(description.warnings, np.str_),
+        **{f"metric.{name}": np.array(value) for name, value in description.metrics.items()},
+    }
+
+
+def _read(stored: dict[str, np.ndarray]) -> Description:
+    metrics = {name.removeprefix("metric."): float(v) for name, v in stored.items() if name.startswith("metric.")}
+    fit = Fit(
+        names=tuple(map(str, stored["names"])),
+        values=stored["values"],
+        errors=stored["errors"],
+        error=float(stored["error"]),
+        evaluations=int(stored["evaluations"]),
+    )
+    checks = Checks(*map(float, stored["checks"]))
+    return Description(fit, metrics, checks, float(stored["cost_ns"]), tuple(map(str, stored["warnings"])))
+
+
+def _code() -> str:
+    """What reads and fits: a corrected fit is not answered with what was kept before."""
+    packages = (backends, engine, expressions, judging, metrics, materials, scenes)
+    return cache.of_code(Path(__file__).parent, *(Path(package.__path__[0]) for package in packages))

@@ -5,9 +5,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from fitters.expressions import Expression
+from fitters.fitting.cell_fit import Fit, fit_cells, refit_cells
 from fitters.fitting.cells import Cells
 from fitters.fitting.conditioning import Conditioning, conditioning
-from fitters.fitting.fit import Fit, fit, refit
 from fitters.fitting.problem import Problem
 from fitters.fitting.settings import Bounds, FitSettings
 from fitters.grid import CHANNELS, Array, above_horizon
@@ -66,7 +66,7 @@ def _about_units(problem: Problem) -> tuple[str, ...]:
 def restart_errors(expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings) -> Array:
     """Errors (OTHER_STARTS, targets) on the sample, of quick fits from starts of their own."""
     ends = [
-        fit(expression, problem.sample, problem.metric, bounds, settings, shift=1 + i).errors
+        fit_cells(expression, problem.sample, problem.metric, bounds, settings, shift=1 + i).errors
         for i in range(OTHER_STARTS if expression.parameters else 0)
     ]
     return np.stack(ends) if ends else np.empty((0, len(problem.targets)))
@@ -74,7 +74,7 @@ def restart_errors(expression: Expression, problem: Problem, bounds: Bounds, set
 
 def _kept(expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, found: Fit) -> Array:
     """Errors (targets,) of the fit that is kept on the same cells."""
-    stays = refit(expression, problem.sample, problem.metric, bounds, found.columns, settings, evaluations=0)
+    stays = refit_cells(expression, problem.sample, problem.metric, bounds, found.columns, settings, evaluations=0)
     return stays.errors
 
 

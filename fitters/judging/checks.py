@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.expressions import Expression, evaluate
-from fitters.fitting.fit import Fit
+from fitters.fitting.cell_fit import Fit
 from fitters.grid import Array
 
 DIRECTIONS = 2000

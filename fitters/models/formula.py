@@ -12,7 +12,7 @@ from fitters.errors import FittersError
 from fitters.expressions import Expression, parse, to_text
 from fitters.expressions.catalogue import CATALOGUE, formula
 from fitters.expressions.evaluation import evaluate_features, features, parameter_free
-from fitters.fitting.fit import Fit
+from fitters.fitting.cell_fit import Fit
 from fitters.fitting.problem import Problem
 from fitters.fitting.settings import BOUNDS, Bounds, FitSettings, Intervals, intervals
 from fitters.fitting.stages import ConfirmJob, DescriptionJob, FitJob, confirm, describe, fit_formula

@@ -27,8 +27,6 @@ from fitters.models.factors.tables import MicrofacetFactors, SmithFactors
 from fitters.models.formula import formula_models, published
 from fitters.stability.case import Case
 
-SAMPLE, FINE = 2048, 16384
-"""Cells of a formula's fit, as in a search."""
 THIN, THIN_ROUNDS = 15, 20
 """AWLS runs on every so many-th azimuth, on which the joint descent begins, too, and for so many rounds: to its
 end on all of them it takes minutes."""
@@ -84,9 +82,7 @@ def _engine(name: str, case: Case, seed: int) -> Found:
 
 @lru_cache(maxsize=2)
 def _problem(case: Case, seed: int) -> Problem:
-    return Problem(
-        [case.measured], case.light, metric="light", cells=SAMPLE, confirm_cells=FINE, seed=seed
-    ).ready()
+    return Problem([case.measured], case.light, seed=seed).ready()
 
 
 def _simplex(projected: bool, case: Case, seed: int) -> Found:

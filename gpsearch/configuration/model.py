@@ -12,6 +12,7 @@ import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
 
 from fitters.fitting import RESIDUALS
+from fitters.materials.formats import ISOTROPIC_SUFFIXES
 from fitters.models import BASELINES
 from gpsearch.configuration.fields import Number, Section, Surroundings, Whole, number, one_of, section, whole
 from gpsearch.configuration.formulas import check_no_baseline_twice
@@ -27,6 +28,8 @@ from gpsearch.configuration.sections import (
 )
 from gpsearch.configuration.wording import listed, shown
 
+FILES = f"{' or '.join(ISOTROPIC_SUFFIXES)} file"
+"""A file of a material, in messages."""
 DEFAULT_BASELINES = (
     "cook-torrance",
     "ggx",
@@ -89,10 +92,10 @@ class Configuration(Section):
     materials: Materials = Field(
         min_length=1,
         max_length=MAX_ENTRIES,
-        description="a list of at least one .binary or .bsdf file or builtin:NAME",
+        description=f"a list of at least one {FILES} or builtin:NAME",
     )
     test_materials: Materials = Field(
-        (), max_length=MAX_ENTRIES, description="a list of .binary or .bsdf files or builtin:NAME"
+        (), max_length=MAX_ENTRIES, description=f"a list of {FILES}s or builtin:NAME"
     )
     scene: SceneSection = section(SceneSection)
     metric: Annotated[str, AfterValidator(one_of(RESIDUALS))] = Field("light", description=listed(RESIDUALS))

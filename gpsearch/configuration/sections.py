@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
 
 from fitters.expressions import Expression
-from fitters.fitting import FitSettings
+from fitters.fitting.settings import BOUNDS, CELLS, CONFIRM_CELLS, FitSettings
 from fitters.scenes import Scene
 from fitters.scenes.scene import SPHERE
 from gpsearch.configuration.fields import Number, Section, Whole, number, section, surroundings, whole
@@ -164,7 +164,7 @@ class SearchSection(Section):
 
     parameters: Whole = whole(4, 1, 8)
     max_nodes: Whole = whole(120, 5, MAX_NODES)
-    bounds: tuple[Number, Number] = Field((1e-6, 1e5), description="two finite numbers [low, high]")
+    bounds: tuple[Number, Number] = Field(BOUNDS, description="two finite numbers [low, high]")
     start: Annotated[tuple[Annotated[str, AfterValidator(check_formula)], ...], BeforeValidator(_as_list)] = Field(
         ("cook-torrance",),
         min_length=1,
@@ -223,8 +223,8 @@ class FitSection(Section):
     warm_starts:    a fit also starts from the parameters of the parent
     """
 
-    cells: Whole = whole(2048, 64, 10_000_000)
-    confirm_cells: Whole = whole(16384, 64, 10_000_000)
+    cells: Whole = whole(CELLS, 64, 10_000_000)
+    confirm_cells: Whole = whole(CONFIRM_CELLS, 64, 10_000_000)
     starts: Whole = whole(FitSettings.starts, 1, 1_000_000)
     restarts: Whole = whole(FitSettings.restarts, 1, 1_000_000)
     rounds: Whole = whole(FitSettings.rounds, 0, 1_000_000)

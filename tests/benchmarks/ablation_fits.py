@@ -13,7 +13,7 @@ import numpy as np
 
 from fitters.backends import program
 from fitters.expressions import parse
-from fitters.fitting import Candidate, Problem, refit
+from fitters.fitting import Candidate, Problem, refit_cells
 from gpsearch.configuration import Configuration
 from gpsearch.run import WritableStore
 from gpsearch.run.lock import RunLock
@@ -96,7 +96,7 @@ def _measured(name: str, problem: Problem, planned: Plan, candidate: Candidate) 
             return Measured(seconds, math.inf)
         bounds = {name: (low, high) for name, low, high in planned.bounds}
         expression = parse(candidate.expression)
-        judged = refit(
+        judged = refit_cells(
             expression, problem.fine, problem.metric, bounds, fitted.columns, planned.settings, evaluations=0
         )
     return Measured(seconds, judged.error)

@@ -3,7 +3,6 @@
 What is no key of the configuration is switched off by substituting a function while the search runs.
 """
 
-import sys
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
@@ -18,16 +17,13 @@ from fitters.backends import program
 from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
-from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, refit, stages
+from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, cell_fit, refit_cells, stages
+from fitters.fitting.cell_fit import _prepared, _starts, _stated
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import _prepared, _starts, _stated
 from fitters.fitting.settings import Bounds
 from fitters.judging.metrics import Residual
 from gpsearch.search import island_search
 from gpsearch.search.memory import Memory
-
-fitting = sys.modules["fitters.fitting.fit"]
-"""The module: in its package, the function has taken its name."""
 
 ALL_CELLS = 10_000_000
 """More than there are."""
@@ -69,7 +65,7 @@ def confirm_as_screened(fit_problem: Problem, task: ConfirmJob) -> Confirmed:
     assert task.near is not None
     job, expression = task.job, stages.parse(task.job.expressions[0])
     full, metric = fit_problem.full, fit_problem.metric
-    found = refit(expression, full, metric, job.intervals, task.near, job.settings, evaluations=0)
+    found = refit_cells(expression, full, metric, job.intervals, task.near, job.settings, evaluations=0)
     return Confirmed(found, time.perf_counter() - started)
 
 
@@ -106,7 +102,7 @@ ARMS = {
         Arm("no-early-stopping", {"early_stopping": False}),
         Arm("no-warm-starts", {"warm_starts": False}),
         Arm("no-exchange", {"rounds": 0}),
-        Arm("no-coarse-cells", substitutes=((fitting, "_prepared", prepare_without_coarse_part),)),
+        Arm("no-coarse-cells", substitutes=((cell_fit, "_prepared", prepare_without_coarse_part),)),
         Arm("no-projection", substitutes=(WITHOUT_PROJECTION,)),
         Arm("no-memory", substitutes=(WITHOUT_MEMORY,)),
         Arm("confirm-as-screened", substitutes=(AS_SCREENED,)),

@@ -10,7 +10,7 @@ from fitters.engine.multistart import Descent
 from fitters.engine.prepared import Prepared
 from fitters.expressions import Expression
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import Problem, fit
+from fitters.fitting import Problem, fit_cells
 from fitters.fitting.cells import Cells
 from tests.benchmarks.candidates import Candidate, catalogue
 from tests.benchmarks.problem import draw
@@ -48,7 +48,9 @@ def _table(problem: Problem, cells: Cells, rounds: int) -> Table:
     }
     rows: list[tuple[Cell, ...]] = []
     for candidate in catalogue():
-        parameters = fit(candidate.expression, problem.sample, problem.metric, candidate.bounds).parameters(0)
+        parameters = fit_cells(candidate.expression, problem.sample, problem.metric, candidate.bounds).parameters(
+            0
+        )
         rivals = {"NumPy": numpy_objective(candidate.expression, parameters, cells)}
         for name in RIVALS:
             found = _rival(name, candidate, parameters, cells, rivals["NumPy"]())

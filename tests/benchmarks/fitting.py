@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from fitters.fitting import Fit, FitSettings, Problem, fit, refit
+from fitters.fitting import Fit, FitSettings, Problem, fit_cells, refit_cells
 from fitters.fitting.cells import Cells
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import EVALUATIONS, PlainFit
@@ -103,14 +103,14 @@ def _row(
 
 
 def _on_sample(problem: Problem, candidate: Candidate) -> Fit:
-    return fit(candidate.expression, problem.sample, problem.metric, candidate.bounds)
+    return fit_cells(candidate.expression, problem.sample, problem.metric, candidate.bounds)
 
 
 def _on_all(problem: Problem, candidate: Candidate) -> Fit:
     """On the fine sample, then by a short descent on all cells."""
     expression, metric, bounds = candidate.expression, problem.metric, candidate.bounds
-    near = fit(expression, problem.fine, metric, bounds)
-    return refit(expression, problem.full, metric, bounds, near.columns, FitSettings(), evaluations=DESCENT)
+    near = fit_cells(expression, problem.fine, metric, bounds)
+    return refit_cells(expression, problem.full, metric, bounds, near.columns, FitSettings(), evaluations=DESCENT)
 
 
 def _timed(work: Callable[[], Result]) -> tuple[float, Result]:

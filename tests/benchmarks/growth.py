@@ -7,7 +7,7 @@ import numpy as np
 
 from fitters.expressions import Expression, parse
 from fitters.expressions.catalogue import formula
-from fitters.fitting import Fit, Problem, fit
+from fitters.fitting import Fit, Problem, fit_cells
 from fitters.fitting.cells import Cells, Coarse, sample
 from tests.benchmarks.problem import SEED, draw
 from tests.benchmarks.table import Table
@@ -43,11 +43,11 @@ def tables(problem: Problem, extent: Extent = Extent()) -> Iterator[Table]:
     published = formula(FORMULA)
 
     def of(cells: Cells) -> Work:
-        return lambda: fit(published.expression, cells, problem.metric, published.bounds)
+        return lambda: fit_cells(published.expression, cells, problem.metric, published.bounds)
 
     def at(expression: Expression) -> Work:
         bounds = dict.fromkeys(expression.parameters, (0.01, 10.0))
-        return lambda: fit(expression, problem.sample, problem.metric, bounds)
+        return lambda: fit_cells(expression, problem.sample, problem.metric, bounds)
 
     sampled = (_with_cells(problem.full, count) for count in extent.cells)
     yield _table("cells", "1,000 cells", {len(cells): of(cells) for cells in sampled}, extent.rounds)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fitters.fitting import Fit, FitSettings, Problem, fit
+from fitters.fitting import Fit, FitSettings, Problem, fit_cells
 from fitters.grid import Array
 from tests.benchmarks.candidates import Candidate, catalogue, random_candidates
 from tests.benchmarks.plain import PlainFit
@@ -78,7 +78,7 @@ def _ratios(problem: Problem, candidates: Iterable[Candidate], starts: int) -> d
 
 
 def _errors(problem: Problem, candidate: Candidate, settings: FitSettings) -> Array:
-    found = fit(candidate.expression, problem.sample, problem.metric, candidate.bounds, settings)
+    found = fit_cells(candidate.expression, problem.sample, problem.metric, candidate.bounds, settings)
     return _judged(problem, candidate, found)
 
 
@@ -91,8 +91,8 @@ def _judged(problem: Problem, candidate: Candidate, found: Fit) -> Array:
 def _best_known(problem: Problem, candidate: Candidate, starts: int) -> Array:
     """Errors (targets,) that are reached with much more work."""
     on_all = replace(problem.sample, coarse=None)
-    near = fit(candidate.expression, problem.sample, problem.metric, candidate.bounds, WIDE)
-    wide = fit(candidate.expression, on_all, problem.metric, candidate.bounds, WIDE, near.columns)
+    near = fit_cells(candidate.expression, problem.sample, problem.metric, candidate.bounds, WIDE)
+    wide = fit_cells(candidate.expression, on_all, problem.metric, candidate.bounds, WIDE, near.columns)
     by_scipy = np.full(len(problem.targets), np.inf)
     rng = np.random.default_rng(SEED)
     for target in range(len(problem.targets)):

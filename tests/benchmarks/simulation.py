@@ -21,7 +21,7 @@ import numpy as np
 from fitters.expressions import parse
 from fitters.expressions.canonical import canonical
 from fitters.fitting import Candidate, Confirmed, ConfirmJob, Fit, FitSettings
-from fitters.fitting.fit import POOR
+from fitters.fitting.cell_fit import POOR
 from fitters.grid import CHANNELS
 from gpsearch.run import WritableStore
 from gpsearch.run.lock import RunLock

@@ -11,10 +11,10 @@ import numpy as np
 
 from fitters.expressions import Expression, parse, to_text
 from fitters.fitting import ConfirmJob, Description, DescriptionJob, FitJob, Problem, confirm, describe
+from fitters.fitting.cell_fit import Fit, refit_cells
 from fitters.fitting.cells import Cells
 from fitters.fitting.culling.greedy import FREE, RECIPROCAL, Demands, Greedy, Stage, Step, contiguous
 from fitters.fitting.culling.reductions import substituted
-from fitters.fitting.fit import Fit, refit
 from fitters.judging.checks import Checks
 from fitters.judging.metrics import length
 
@@ -76,7 +76,7 @@ def _start(problem: Problem, task: CullJob) -> Stage:
 
 def _refit(problem: Problem, cells: Cells, task: CullJob, expression: Expression) -> Fit:
     job, near = task.job, task.description.fit.columns
-    return refit(
+    return refit_cells(
         expression, cells, problem.metric, job.intervals, near, job.settings, evaluations=job.settings.evaluations
     )
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.expressions import Expression
+from fitters.fitting.cell_fit import Fit
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import Fit
 from fitters.fitting.problem import Problem
 from fitters.fitting.settings import Bounds
 from fitters.fitting.sharing.sharing import Sharing

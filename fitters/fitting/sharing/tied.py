@@ -15,8 +15,8 @@ from fitters.backends.program import lower
 from fitters.engine.coordinates import Coordinates
 from fitters.engine.prepared import linear_units
 from fitters.expressions import Expression
+from fitters.fitting.cell_fit import Fit
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import Fit
 from fitters.fitting.least_squares import LeastSquares, stepped
 from fitters.fitting.polish import TargetSquares
 from fitters.fitting.settings import Bounds

@@ -8,8 +8,8 @@ from scipy.optimize import minimize
 
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
+from fitters.fitting.cell_fit import fit_cells
 from fitters.fitting.cells import Cells
-from fitters.fitting.fit import fit
 from fitters.fitting.settings import FitSettings
 from fitters.judging.metrics import RESIDUALS
 from tests.random_expressions import random_features
@@ -61,7 +61,7 @@ def test_no_fit_is_worse_than_scipys_best_restart():
     for seed, (name, formula) in enumerate(CATALOGUE.items()):
         cells = synthetic_cells(seed)
         settings = FitSettings(restarts=8, rounds=3, evaluations=100)
-        found = fit(formula.expression, cells, RESIDUALS["light"], formula.bounds, settings)
+        found = fit_cells(formula.expression, cells, RESIDUALS["light"], formula.bounds, settings)
         for target in range(2):
             best = scipy_best(formula, cells, target, rng)
             good += found.errors[target] <= 1.001 * best
@@ -98,7 +98,7 @@ def test_a_curved_valley_is_followed_to_its_end(valley):
     cells = Cells(np.arange(2000), seen, weights.astype(np.float32), (weights * measured).astype(np.float32))
     bounds = dict.fromkeys(expression.parameters, (0.001, 100.0))
     settings = FitSettings(restarts=8, rounds=3, evaluations=200, tolerance=1e-9)
-    found = fit(expression, cells, RESIDUALS["light"], bounds, settings)
+    found = fit_cells(expression, cells, RESIDUALS["light"], bounds, settings)
     assert found.error < 1e-4
     for name, value in valley.truth.items():
         assert found.parameters(0)[name] == pytest.approx(value, rel=1e-2)

@@ -5,7 +5,16 @@ import pytest
 
 from fitters.expressions import parse, to_text
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import ConfirmJob, DescriptionJob, FitJob, FitSettings, Problem, confirm, describe, refit
+from fitters.fitting import (
+    ConfirmJob,
+    DescriptionJob,
+    FitJob,
+    FitSettings,
+    Problem,
+    confirm,
+    describe,
+    refit_cells,
+)
 from fitters.fitting.cells import Cells
 from fitters.fitting.conditioning import conditioning
 from fitters.fitting.problem import ORDINARY
@@ -50,7 +59,9 @@ def described(text, problem, intervals):
 def conditions(text, problem, **values):
     expression = parse(text)
     near = {name: np.full(3, value) for name, value in values.items()}
-    found = refit(expression, problem.full, problem.metric, bounds(expression), near, SETTINGS, evaluations=0)
+    found = refit_cells(
+        expression, problem.full, problem.metric, bounds(expression), near, SETTINGS, evaluations=0
+    )
     return conditioning(expression, problem.full, bounds(expression), found)
 
 

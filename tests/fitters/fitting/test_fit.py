@@ -10,7 +10,7 @@ from fitters.errors import FittersError
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import FitSettings, Problem, exact_errors, fit, refit
+from fitters.fitting import FitSettings, Problem, exact_errors, fit_cells, refit_cells
 from fitters.fitting.cells import sample
 from fitters.scenes import LightTable
 from tests.fitters.fitting.conftest import TRUTH, ggx
@@ -26,14 +26,14 @@ def problem(light, shiny):
 
 
 def fitted(text, problem, bounds=WIDE, settings=None):
-    return fit(parse(text), problem.sample, problem.metric, bounds, settings)
+    return fit_cells(parse(text), problem.sample, problem.metric, bounds, settings)
 
 
 def test_known_parameters_are_recovered(problem):
     """From data made with GGX: error below 1e-4 on all cells, parameters within 1 %."""
     formula = CATALOGUE["ggx"]
-    near = fit(formula.expression, problem.sample, problem.metric, formula.bounds, THOROUGH)
-    found = refit(
+    near = fit_cells(formula.expression, problem.sample, problem.metric, formula.bounds, THOROUGH)
+    found = refit_cells(
         formula.expression, problem.full, problem.metric, formula.bounds, near.columns, THOROUGH, evaluations=100
     )
     truths = (TRUTH, TRUTH | {"p2": 0.1, "p1": 0.3}, TRUTH | {"p2": 0.6})
@@ -58,7 +58,9 @@ def test_a_linear_formula_is_solved_exactly(problem):
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_the_same_expression_gets_the_same_fit(problem, name):
     formula = CATALOGUE[name]
-    first, again = (fit(formula.expression, problem.sample, problem.metric, formula.bounds) for _ in range(2))
+    first, again = (
+        fit_cells(formula.expression, problem.sample, problem.metric, formula.bounds) for _ in range(2)
+    )
     np.testing.assert_array_equal(first.values, again.values)
     np.testing.assert_array_equal(first.errors, again.errors)
     assert first.evaluations == again.evaluations
@@ -67,7 +69,7 @@ def test_the_same_expression_gets_the_same_fit(problem, name):
 _IN_A_PROCESS = """
 import numpy as np
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import fit
+from fitters.fitting import fit_cells
 from fitters.judging.metrics import RESIDUALS
 from fitters.fitting.cells import Cells
 from tests.random_expressions import random_features
@@ -77,7 +79,7 @@ weights = np.full((2, n), n**-0.5, np.float32)
 measured = np.stack([seen["wh.z"] ** 3, seen["wh.z"] ** 90]).astype(np.float32)
 cells = Cells(np.arange(n), seen, weights, weights * measured)
 formula = CATALOGUE["genbrdf-metal"]
-print(fit(formula.expression, cells, RESIDUALS["light"], formula.bounds).values.tobytes().hex())
+print(fit_cells(formula.expression, cells, RESIDUALS["light"], formula.bounds).values.tobytes().hex())
 """
 
 
@@ -96,7 +98,7 @@ def test_parameters_stay_within_their_bounds(problem, name):
     formula = CATALOGUE[name]
     for low, high in ((2.0, 3.0), (1e-3, 2e-3), (0.5, 0.5)):
         bounds = dict.fromkeys(formula.bounds, (low, high))
-        found = fit(formula.expression, problem.sample, problem.metric, bounds)
+        found = fit_cells(formula.expression, problem.sample, problem.metric, bounds)
         assert np.all(found.values >= low * (1 - 1e-12))
         assert np.all(found.values <= high * (1 + 1e-12))
 
@@ -138,7 +140,7 @@ def test_wild_trees_never_raise(problem):
     finite = 0
     for _ in range(400):
         tree = random_tree(rng, 7)
-        found = fit(tree, problem.sample, problem.metric, WIDE, quick)
+        found = fit_cells(tree, problem.sample, problem.metric, WIDE, quick)
         assert found.names == tree.parameters
         assert not np.any(np.isnan(found.errors))
         finite += np.isfinite(found.error)
@@ -212,7 +214,7 @@ def test_exact_errors_are_plain_numpy_over_all_cells(problem, light, shiny):
 
 def test_the_engine_states_the_error_of_its_parameters(problem):
     for name, formula in CATALOGUE.items():
-        found = fit(formula.expression, problem.sample, problem.metric, formula.bounds)
+        found = fit_cells(formula.expression, problem.sample, problem.metric, formula.bounds)
         for target in range(3):
             values = evaluate_features(formula.expression, found.parameters(target), problem.sample.features)
             plain = np.linalg.norm(problem.sample.weights[target] * values - problem.sample.targets[target])
@@ -229,7 +231,7 @@ def test_a_warm_start_only_adds(problem, text):
     rng = np.random.default_rng(7)
     for spread in (0.0, 0.5, 8.0):
         near = {name: column * np.exp(spread * rng.normal(size=3)) for name, column in cold.columns.items()}
-        warm = fit(parse(text), problem.sample, problem.metric, WIDE, near=near)
+        warm = fit_cells(parse(text), problem.sample, problem.metric, WIDE, near=near)
         assert np.all(warm.errors <= cold.errors * (1 + 1e-3))
 
 
@@ -238,15 +240,15 @@ def test_a_warm_start_leads_where_the_fit_would_not_have_come(problem):
     text = "p0 + p1 * exp(-pow(acos(wh.z) / p2, 2)) * exp(-pow(wi.z / p3, 2))"
     good = fitted(text, problem, settings=THOROUGH)
     poor = FitSettings(starts=1, restarts=1, rounds=0, evaluations=4)
-    cold = fit(parse(text), problem.sample, problem.metric, WIDE, poor)
-    warm = fit(parse(text), problem.sample, problem.metric, WIDE, poor, near=good.columns)
+    cold = fit_cells(parse(text), problem.sample, problem.metric, WIDE, poor)
+    warm = fit_cells(parse(text), problem.sample, problem.metric, WIDE, poor, near=good.columns)
     assert warm.error < 1.01 * good.error < cold.error
 
 
 def test_a_fit_far_from_its_bar_is_given_up(problem):
     whole = fitted("p0 * wi.z", problem)
     assert whole.finished
-    stopped = fit(parse("p0 * wi.z"), problem.sample, problem.metric, WIDE, bar=whole.error / 10)
+    stopped = fit_cells(parse("p0 * wi.z"), problem.sample, problem.metric, WIDE, bar=whole.error / 10)
     assert not stopped.finished
     assert stopped.standard_error == 0
     assert stopped.evaluations < whole.evaluations
@@ -257,7 +259,7 @@ def test_a_fit_far_from_its_bar_is_given_up(problem):
 @pytest.mark.parametrize("text", WORK)
 def test_a_fit_that_meets_its_bar_is_what_it_would_have_been(problem, text):
     plain = fitted(text, problem)
-    with_bar = fit(parse(text), problem.sample, problem.metric, WIDE, bar=plain.error)
+    with_bar = fit_cells(parse(text), problem.sample, problem.metric, WIDE, bar=plain.error)
     assert with_bar.finished
     np.testing.assert_array_equal(plain.values, with_bar.values)
 
@@ -266,11 +268,11 @@ def test_the_standard_error_is_that_of_the_sample(problem):
     """The spread of the error over sixty samples. What is smooth over the grid is sampled better than stated."""
     cells = [sample(problem.full, 400, seed) for seed in range(60)]
     for text in ("p0 * wi.z", "p0 / pi + p1 * pow(wh.z, 30)"):
-        fits = [fit(parse(text), some, problem.metric, WIDE) for some in cells]
+        fits = [fit_cells(parse(text), some, problem.metric, WIDE) for some in cells]
         spread = np.std([found.error for found in fits])
         stated = np.mean([found.standard_error for found in fits])
         assert 0.25 * stated < spread < 2 * stated
 
 
 def test_all_cells_leave_no_standard_error(problem):
-    assert fit(parse("p0 * wi.z"), problem.full, problem.metric, WIDE).standard_error == 0
+    assert fit_cells(parse("p0 * wi.z"), problem.full, problem.metric, WIDE).standard_error == 0

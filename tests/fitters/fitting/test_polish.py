@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import evaluate_features
-from fitters.fitting import FitSettings, Problem, exact_errors, fit
+from fitters.fitting import FitSettings, Problem, exact_errors, fit_cells
 from fitters.fitting.polish import polish
 
 
@@ -25,7 +25,7 @@ def fitted(name, problem):
     """A formula and its fit by Nelder-Mead alone, in the right valley but not at its end."""
     formula = CATALOGUE[name]
     settings = FitSettings(evaluations=15, tolerance=1e-2)
-    return formula, fit(formula.expression, problem.full, problem.metric, formula.bounds, settings)
+    return formula, fit_cells(formula.expression, problem.full, problem.metric, formula.bounds, settings)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
@@ -62,7 +62,7 @@ def test_the_polish_never_makes_a_fit_worse_and_keeps_the_bounds(name, problem):
 
 def test_what_is_not_finite_stays_as_it_is(problem):
     expression = parse("p0 / (wi.z - wi.z)")
-    found = fit(expression, problem.sample, problem.metric, {"p0": (1e-3, 1.0)})
+    found = fit_cells(expression, problem.sample, problem.metric, {"p0": (1e-3, 1.0)})
     polished = polish(expression, problem.full, problem.metric, {"p0": (1e-3, 1.0)}, found)
     assert polished.error == np.inf
     np.testing.assert_array_equal(polished.values, found.values)
@@ -70,7 +70,7 @@ def test_what_is_not_finite_stays_as_it_is(problem):
 
 def test_a_formula_without_parameters_has_nothing_to_polish(problem):
     expression = parse("wi.z / pi")
-    found = fit(expression, problem.sample, problem.metric, {})
+    found = fit_cells(expression, problem.sample, problem.metric, {})
     polished = polish(expression, problem.full, problem.metric, {}, found)
     assert polished.values.shape == (len(problem.targets), 0)
     exact = exact_errors(expression, problem, polished).by_metric["light"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fitters.expressions import parse
-from fitters.fitting import FitSettings, Problem, fit
+from fitters.fitting import FitSettings, Problem, fit_cells
 from fitters.fitting.polish import polish
 from fitters.fitting.reduction import SHARES, carriers, prices, reduction
 from fitters.grid import SHAPE, cell_index, half_diff
@@ -75,7 +75,7 @@ def test_a_scene_that_sees_one_half_leaves_the_other_open():
     light = LightTable(table, table[0] > 0, "half")
     problem = Problem([material], light, metric="light", cells=400, confirm_cells=2000, seed=1)
     expression, bounds = parse("p0"), {"p0": (1e-3, 1e3)}
-    found = fit(expression, problem.fine, problem.metric, bounds)
+    found = fit_cells(expression, problem.fine, problem.metric, bounds)
     found = polish(expression, problem.full, problem.metric, bounds, found)
     of = prices(expression, problem, bounds, found, FitSettings(), turned=uniform_light())
     assert of["lit"].scene == pytest.approx(0.0, abs=1e-6)
@@ -98,7 +98,7 @@ def _two_halves():
 
 def test_a_material_alone_has_its_own_targets_on_the_same_cells(problem):
     alone = problem.of_material(1)
-    assert alone.materials == ("other",)
+    assert alone.names == ("other",)
     for whole, part in zip(
         (problem.full, problem.fine, problem.sample), (alone.full, alone.fine, alone.sample), strict=True
     ):
@@ -106,7 +106,7 @@ def test_a_material_alone_has_its_own_targets_on_the_same_cells(problem):
         np.testing.assert_array_equal(part.index, whole.index)
     bounds = {"p0": (1e-6, 1e3), "p1": (1e-6, 1e3)}
     expression = parse("p0 + p1 * wh.z")
-    together = fit(expression, problem.sample, problem.metric, bounds)
+    together = fit_cells(expression, problem.sample, problem.metric, bounds)
     np.testing.assert_allclose(
-        fit(expression, alone.sample, alone.metric, bounds).errors, together.errors[3:], rtol=1e-5
+        fit_cells(expression, alone.sample, alone.metric, bounds).errors, together.errors[3:], rtol=1e-5
     )

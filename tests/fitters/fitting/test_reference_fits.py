@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import FitSettings, Problem, exact_errors, fit, refit
+from fitters.fitting import FitSettings, Problem, exact_errors, fit_cells, refit_cells
 from fitters.grid import SHAPE
 from fitters.materials.material import from_samples
 from fitters.scenes import LightTable
@@ -46,8 +46,8 @@ def problem():
 def test_fits_reach_the_reference(problem, model):
     name, bounds = MODELS[model]
     expression = CATALOGUE[name].expression
-    near = fit(expression, problem.sample, problem.metric, bounds, THOROUGH)
-    found = refit(expression, problem.full, problem.metric, bounds, near.columns, THOROUGH, evaluations=30)
+    near = fit_cells(expression, problem.sample, problem.metric, bounds, THOROUGH)
+    found = refit_cells(expression, problem.full, problem.metric, bounds, near.columns, THOROUGH, evaluations=30)
     errors = exact_errors(expression, problem, found).by_metric["light"]
     reference = {
         (row["material"], row["channel"]): float(row["error"]) for row in published() if row["model"] == model

@@ -7,7 +7,7 @@ import pytest
 
 from fitters.expressions import parse
 from fitters.expressions.catalogue import CATALOGUE
-from fitters.fitting import FitSettings, Problem, fit
+from fitters.fitting import FitSettings, Problem, fit_cells
 from fitters.grid import CELLS, SHAPE, above_horizon
 from fitters.materials import load_material
 from fitters.models import Fitted, MaterialFit, MeasuredTable, factors, power_iterations
@@ -49,7 +49,7 @@ def _formula(expression, bounds, material):
     light = LightTable(table, (table > 0).any(axis=0), "c" * 32)
     problem = Problem([material], light, metric="compressive", cells=1000, seed=0)
     began = time.perf_counter()
-    found = fit(expression, problem.sample, problem.metric, bounds, FitSettings(starts=64))
+    found = fit_cells(expression, problem.sample, problem.metric, bounds, FitSettings(starts=64))
     return formula_models(expression, found, time.perf_counter() - began)[0]
 
 

@@ -1,11 +1,15 @@
 """The resolved text of a configuration, and how two configurations compare."""
 
+import re
+from pathlib import Path
+
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpsearch.configuration import Configuration, parse_configuration
+from gpsearch import configuration
+from gpsearch.configuration import Configuration, loading, parse_configuration
 
 TLS = "executor: {kind: dask, scheduler: tls://a:1, tls: {ca: ca.pem, cert: cert.pem, key: key.pem}}"
 
@@ -136,3 +140,9 @@ def test_larger_budgets_other_executors_and_other_test_materials_extend_a_run(lo
 def test_anything_else_conflicts_by_name(load, new, old, keys):
     assert not load(new).extends(load(old))
     assert [difference.key for difference in load(new).conflicts(load(old))] == keys
+
+
+def test_the_page_of_the_configuration_has_every_key():
+    page = (Path(configuration.__file__).parent / "README.md").read_text()
+    keys = {key for path in loading.ALLOWED for key in path if path[:2] != ("executor", key)}
+    assert sorted(key for key in keys if not re.search(rf"[`.{{ ]{key}\b", page)) == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fitters.expressions import evaluate, parse
-from fitters.fitting import FitSettings, Problem, fit
+from fitters.fitting import FitSettings, Problem, fit_cells
 from fitters.fitting.polish import polish
 from fitters.grid import CELLS, SHAPE, above_horizon, cell_directions
 from fitters.materials.material import from_samples
@@ -43,7 +43,7 @@ def lobes(light):
             samples = samples.reshape(3, *SHAPE)
             made.append(from_samples(f"m{number}", samples, source="test", sha256=f"{materials} {noise} {number}"))
         problem = Problem(made, light, metric="light", cells=300, confirm_cells=600, seed=4)
-        found = fit(LOBE, problem.sample, problem.metric, BOUNDS, FitSettings())
+        found = fit_cells(LOBE, problem.sample, problem.metric, BOUNDS, FitSettings())
         return problem, polish(LOBE, problem.full, problem.metric, BOUNDS, found)
 
     return make
