@@ -8,7 +8,7 @@ import click
 from gpsearch.commands.described import described
 from gpsearch.commands.runs import make_folder, run_argument, write_text
 from gpsearch.exports import TARGETS, Target
-from gpsearch.run import Formula, Result
+from gpsearch.run import FoundFormula, Result
 
 _FORMATS = "\n".join(f"  {target.name:12s} {target.meaning}" for target in TARGETS.values())
 
@@ -38,7 +38,7 @@ def export(run: Path, name: str, ids: tuple[str, ...], output: Path | None) -> N
     write_files(target.files(result, members(target, result, ids)), output)
 
 
-def members(target: Target, result: Result, ids: tuple[str, ...]) -> list[Formula]:
+def members(target: Target, result: Result, ids: tuple[str, ...]) -> list[FoundFormula]:
     """The formulas with these ids, or all. Raises `click.UsageError` for an id that is not on the front."""
     by_id = {formula.id: formula for formula in result.formulas}
     for unknown in (one for one in ids if one not in by_id):

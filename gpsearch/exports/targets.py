@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from gpsearch.run import Formula, Result
+from gpsearch.run import FoundFormula, Result
 
 Files = Mapping[str, str]
 """Text by the name of its file, in the order in which the files are listed."""
@@ -21,7 +21,7 @@ class Target:
 
     name: str
     meaning: str
-    files: Callable[[Result, Sequence[Formula]], Files]
+    files: Callable[[Result, Sequence[FoundFormula]], Files]
     per_member: bool = False
 
 
@@ -30,10 +30,10 @@ def of_run(name: str, meaning: str, file: str, text: Callable[[Result], str]) ->
     return Target(name, meaning, lambda result, _: {file: text(result)})
 
 
-def of_member(name: str, meaning: str, suffix: str, text: Callable[[Result, Formula], str]) -> Target:
+def of_member(name: str, meaning: str, suffix: str, text: Callable[[Result, FoundFormula], str]) -> Target:
     """A target that writes one file for each formula, called by the formula's id and `suffix`."""
 
-    def files(result: Result, formulas: Sequence[Formula]) -> Files:
+    def files(result: Result, formulas: Sequence[FoundFormula]) -> Files:
         return {f"{formula.id}{suffix}": text(result, formula) for formula in formulas}
 
     return Target(name, meaning, files, per_member=True)

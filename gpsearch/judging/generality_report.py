@@ -123,8 +123,8 @@ def generality_text(report: Generality) -> str:
 def _models_text(report: Generality) -> str:
     width = max(len(_name(one)) for one in report.models)
     lines = [
-        f"{report.run}: train, {len(report.train)} materials of the search, beside test, {len(report.test)} others,"
-        f" under {report.scene.name}; means over materials",
+        f"{report.run}: train, {len(report.train)} materials of the search, beside test,"
+        f" {len(report.test)} others, under {report.scene.name}; means over materials",
         "below refitted CT (Cook-Torrance), GGX: 1 - new / reference on the test materials",
         "",
         f"{'':{width}s} nodes   {_centred(f'error ({report.metric})', 15)}"
