@@ -15,7 +15,6 @@ from gpsearch.commands.estimate import estimate, not_converged
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.signals import Terminated, terminable
 from gpsearch.configuration import Configuration, DaskExecutorSection, load_configuration, parse_configuration
-from gpsearch.configuration.files import resolve_path
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.pictures.front_plot import plot_front
 from gpsearch.run import Store, WritableStore, result_of
@@ -25,7 +24,7 @@ from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from workers import DaskSettings, ExecutorSettings, LocalSettings, Tls, WorkersError, open_executor
+from workers import WorkersError, open_executor
 
 
 @click.command()
@@ -113,7 +112,7 @@ def _search(planned: Plan, store: WritableStore, configuration: Configuration, c
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up(name for name in planned.baselines if name not in store.baselines())
     with (
-        open_executor(executor_settings(configuration), package="gpsearch") as executor,
+        open_executor(configuration.executor.settings(configuration.folder), package="gpsearch") as executor,
         ProgressWatcher(console, planned.budget) as watcher,
     ):
         before = store.totals()[0]
@@ -158,16 +157,3 @@ def _leave(path: Path, write: Callable[[Path], object]) -> None:
 
 def _is_remote(configuration: Configuration) -> bool:
     return isinstance(configuration.executor, DaskExecutorSection) and configuration.executor.scheduler is not None
-
-
-def executor_settings(configuration: Configuration) -> ExecutorSettings:
-    """What `workers` takes, of a configuration."""
-    executor = configuration.executor
-    if isinstance(executor, DaskExecutorSection):
-        tls = None
-        if (files := executor.tls) is not None:
-            tls = Tls(*(resolve_path(file, configuration.folder) for file in (files.ca, files.cert, files.key)))
-        return DaskSettings(
-            executor.scheduler, executor.workers, executor.wait_seconds, executor.hang_seconds, tls
-        )
-    return LocalSettings()
