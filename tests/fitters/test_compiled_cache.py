@@ -19,6 +19,7 @@ from numba.core.serialize import dumps
 from fitters import cache, compiled
 from fitters.backends import machine
 from fitters.backends.machine import run_scalars
+from fitters.engine import multistart
 from fitters.engine.warm import warm_up
 
 REPOSITORY = Path(__file__).parents[2]
@@ -116,9 +117,10 @@ def warm(tmp_path_factory):
     """A cache with all that this session has compiled, in its own time or before."""
     warm_up()
     run_scalars(np.zeros((0, 4), np.int32), np.zeros(1))
-    source = compiled.folder(Path(machine.__file__).parent)
     folder = tmp_path_factory.mktemp("warm")
-    shutil.copytree(source, folder / source.name)
+    for module in (machine, multistart):
+        source = compiled.folder(Path(module.__file__).parent)
+        shutil.copytree(source, folder / source.name)
     return folder
 
 
