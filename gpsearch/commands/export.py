@@ -9,7 +9,7 @@ from gpsearch.commands.described import described
 from gpsearch.commands.runs import make_folder, run_argument, write_text
 from gpsearch.errors import GpsearchError
 from gpsearch.exports import TARGETS, Target
-from gpsearch.run import Baseline, Formula, Result
+from gpsearch.run import Baseline, FoundFormula, Result
 
 _FORMATS = "\n".join(f"  {target.name:12s} {target.meaning}" for target in TARGETS.values())
 
@@ -45,7 +45,7 @@ def export(run: Path, name: str, names: tuple[str, ...], output: Path | None) ->
     write_files(target.files(result, members(target, result, names)), output)
 
 
-def members(target: Target, result: Result, names: tuple[str, ...]) -> list[Formula | Baseline]:
+def members(target: Target, result: Result, names: tuple[str, ...]) -> list[FoundFormula | Baseline]:
     """The entries with these names, or all formulas. Raises `GpsearchError` where there is none."""
     if names:
         return [result.entry(name) for name in dict.fromkeys(names)]

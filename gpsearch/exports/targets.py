@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from gpsearch.run import Baseline, Formula, Result
+from gpsearch.run import Baseline, FoundFormula, Result
 
 Files = Mapping[str, str]
 """Text by the name of its file, in the order in which the files are listed."""
@@ -22,7 +22,7 @@ class Target:
 
     name: str
     meaning: str
-    files: Callable[[Result, Sequence[Formula | Baseline]], Files]
+    files: Callable[[Result, Sequence[FoundFormula | Baseline]], Files]
     per_member: bool = False
 
 
@@ -31,10 +31,12 @@ def of_run(name: str, meaning: str, file: str, text: Callable[[Result], str]) ->
     return Target(name, meaning, lambda result, _: {file: text(result)})
 
 
-def of_member(name: str, meaning: str, suffix: str, text: Callable[[Result, Formula | Baseline], str]) -> Target:
+def of_member(
+    name: str, meaning: str, suffix: str, text: Callable[[Result, FoundFormula | Baseline], str]
+) -> Target:
     """A target that writes one file for each entry, named by the entry's name and `suffix`."""
 
-    def files(result: Result, entries: Sequence[Formula | Baseline]) -> Files:
+    def files(result: Result, entries: Sequence[FoundFormula | Baseline]) -> Files:
         return {f"{entry.name}{suffix}": text(result, entry) for entry in entries}
 
     return Target(name, meaning, files, per_member=True)
