@@ -1,11 +1,12 @@
 """All models that can be fitted, by name, and the one verb that fits them.
 
-To add a model: a file with a class of `Model` and a tuple `FITTERS` of how it is fitted, and a line in `_FITTERS`.
+To add a model: a file with a class of `Model` and a tuple `FITTERS` of how it is fitted, and a line in `_MODULES`.
 """
 
 import difflib
 import re
 from collections.abc import Iterable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -13,20 +14,19 @@ from fitters.engine import warm as engine
 from fitters.errors import FittersError
 from fitters.expressions import Expression, parse
 from fitters.fitting.problem import Problem
-from fitters.models import formula, measured
-from fitters.models.factors import fitters as factors
 from fitters.models.fitted import Fitted, read
 from fitters.models.fitter import Family, FitSummary, Fitter, MaterialFitter, MaterialTask
 from fitters.models.formula import FormulaFitter
 from fitters.models.model import Model
-from fitters.models.power_iterations import fitters as power_iterations
 
-_FITTERS: tuple[Fitter, ...] = (
-    *formula.FITTERS,
-    *factors.FITTERS,
-    *power_iterations.FITTERS,
-    *measured.FITTERS,
+_MODULES = (
+    "fitters.models.formula",
+    "fitters.models.factors.fitters",
+    "fitters.models.power_iterations.fitters",
+    "fitters.models.measured",
 )
+
+_FITTERS: tuple[Fitter, ...] = tuple(fitter for name in _MODULES for fitter in import_module(name).FITTERS)
 
 MODELS: Mapping[str, Fitter] = {fitter.name: fitter for fitter in _FITTERS}
 """What `fit` takes by name: the published formulas, factor tables, power iterations and the measured table."""
