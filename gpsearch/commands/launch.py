@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import click
 from rich.console import Console
@@ -26,7 +27,7 @@ from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from workers import DaskSettings, ExecutorSettings, LocalSettings, Tls, WorkersError, open_executor
+from workers import EXECUTORS, ExecutorSettings, Tls, WorkersError, open_executor
 
 
 @click.command()
@@ -184,12 +185,8 @@ def _is_remote(configuration: Configuration) -> bool:
 
 def executor_settings(configuration: Configuration) -> ExecutorSettings:
     """What `workers` takes, of a configuration."""
-    executor = configuration.executor
-    if isinstance(executor, DaskExecutorSection):
-        tls = None
-        if (files := executor.tls) is not None:
-            tls = Tls(*(resolve_path(file, configuration.folder) for file in (files.ca, files.cert, files.key)))
-        return DaskSettings(
-            executor.scheduler, executor.workers, executor.wait_seconds, executor.hang_seconds, tls
-        )
-    return LocalSettings()
+    options: dict[str, Any] = dict(configuration.executor)
+    if (files := options.get("tls")) is not None:
+        paths = (resolve_path(file, configuration.folder) for file in (files.ca, files.cert, files.key))
+        options["tls"] = Tls(*paths)
+    return EXECUTORS[options.pop("kind")](**options)

@@ -20,7 +20,7 @@ from gpsearch.configuration.materials import check_material, check_no_material_t
 from gpsearch.configuration.sections import (
     MAX_ENTRIES,
     BudgetSection,
-    DaskExecutorSection,
+    ExecutorSection,
     FitSection,
     LocalExecutorSection,
     SceneSection,
@@ -99,9 +99,7 @@ class Configuration(Section):
     )
     scene: SceneSection = section(SceneSection)
     metric: Annotated[str, AfterValidator(one_of(RESIDUALS))] = Field("light", description=listed(RESIDUALS))
-    executor: Annotated[
-        LocalExecutorSection | DaskExecutorSection, Field(discriminator="kind"), BeforeValidator(_kind_alone)
-    ] = Field(
+    executor: Annotated[ExecutorSection, Field(discriminator="kind"), BeforeValidator(_kind_alone)] = Field(
         LocalExecutorSection(),
         description="local, dask, or {kind: dask, scheduler: tcp://host:8786, workers: 2, wait_seconds: 60}",
     )

@@ -1,9 +1,18 @@
 """The sections of a configuration. Defaults are from section 4 of the genBRDF paper where it has them."""
 
+import dataclasses
 import re
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, get_type_hints
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from fitters.expressions import Expression
 from fitters.fitting.settings import BOUNDS, CELLS, CONFIRM_CELLS, FitSettings
@@ -21,6 +30,7 @@ from gpsearch.configuration.formulas import (
     resolve_formula,
 )
 from gpsearch.configuration.wording import listed, shown
+from workers import EXECUTORS
 
 MAX_ENTRIES = 1000
 """Entries of any list."""
@@ -123,6 +133,23 @@ class DaskExecutorSection(Section):
             keys = listed(TlsSection.model_fields)
             raise ValueError(f"is missing, which {shown(scheduler)} needs; allowed: a mapping of the keys {keys}")
         return value
+
+
+def _executor_section(kind: str) -> type[Section]:
+    """The section of a kind of executor: one of those above, or the fields of the executor's settings."""
+    for written in (LocalExecutorSection, DaskExecutorSection):
+        if written.model_fields["kind"].default == kind:
+            return written
+    types = get_type_hints(EXECUTORS[kind])
+    fields: dict[str, Any] = {"kind": (Literal[kind], kind)}
+    fields |= {field.name: (types[field.name], field.default) for field in dataclasses.fields(EXECUTORS[kind])}
+    return create_model(f"{kind}_section", __base__=Section, **fields)
+
+
+if TYPE_CHECKING:
+    ExecutorSection = LocalExecutorSection | DaskExecutorSection
+else:
+    ExecutorSection = Union[tuple(map(_executor_section, EXECUTORS))]  # noqa: UP007
 
 
 class BudgetSection(Section):

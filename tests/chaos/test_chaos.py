@@ -23,6 +23,7 @@ from tests.chaos.actors import Cluster, Launcher
 from tests.chaos.share import seed_of
 from tests.chaos.tally import TALLY
 from tests.gpsearch.small import small_text, without_times
+from workers.dispatch.replay import replay
 
 pytestmark = pytest.mark.slow
 
@@ -151,6 +152,9 @@ def require_same_front(launcher: Launcher, reference: str) -> None:
     """The launcher comes to its end, with the same front, and with every generation once."""
     assert launcher.end() == 0, launcher.log.read_text()
     TALLY.runs += 1
+    for log in launcher.dispatch.glob("*.jsonl"):
+        with log.open() as lines:
+            assert [event for event, before, now in replay(lines) if before != now] == []
     store = Store.open(launcher.run)
     rows, events = store.generations(), store.events()
     assert store.quarantined() == []
