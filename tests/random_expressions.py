@@ -3,12 +3,10 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from fitters.expressions import Expression
+from fitters.expressions import Expression, grammar
 from fitters.expressions.evaluation import features
 
-UNARY = ("neg", "sin", "cos", "tan", "exp", "asin", "acos", "atan", "sqrt")
-BINARY = ("add", "sub", "mul", "div", "max", "min", "pow")
-VECTORS = ("wi", "wo", "wh", "wr", "wn")
+UNARY, BINARY, VECTORS = grammar.UNARY, grammar.BINARY, grammar.VECTORS
 LEAVES = ("wi.z", "wo.z", "wh.z", "wr.z", "p0", "p1", "p2", "p3", "1", "2", "pi", "4", "0", "5", "0.5", "1e-05")
 
 
@@ -63,6 +61,4 @@ def wild_parameters(rng: np.random.Generator) -> dict[str, float]:
 
 
 def _constant(value: float) -> Expression:
-    from fitters.expressions import grammar
-
     return Expression(grammar.constant(value))

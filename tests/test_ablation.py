@@ -30,6 +30,8 @@ from tests.benchmarks.ablation import (
 from tests.benchmarks.ablation_fits import SAME_FITS
 from tests.benchmarks.arms import ARMS, WITHOUT_MEMORY, WITHOUT_PROJECTION, Arm, fit_as_the_paper, substituted
 
+pytestmark = pytest.mark.long
+
 SMALL = Extent(
     islands=2, size=4, scene={"resolution": 8, "light_rows": 6}, budget={"generations": 2, "minutes": None}
 )

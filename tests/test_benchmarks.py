@@ -28,6 +28,8 @@ from tests.benchmarks.engine import SEARCHES, SECTIONS
 from tests.benchmarks.point_sampled import point_sampled
 from tests.benchmarks.problem import recipe
 
+pytestmark = pytest.mark.long
+
 SMALL = {
     "evaluation": evaluation.Extent(cells=(256,), rounds=1),
     "fitting": fitting.Extent(random=1, sample_targets=1, full=("lambert",)),

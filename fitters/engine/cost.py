@@ -17,7 +17,7 @@ def cost_ns(expression: Expression) -> float:
     """Nanoseconds per evaluation on this machine, the median of a few rounds over a block of directions.
 
     The formula as the register machine runs it, one thread, its features given: the work of a renderer that
-    has the cosines at hand. A measurement: it differs from run to run.
+    has the cosines already. A measurement: it differs from run to run.
     """
     program = lower_whole(expression)
     rng = np.random.default_rng(0)

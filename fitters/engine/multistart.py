@@ -26,10 +26,10 @@ poor:      likewise, after all descents
 """
 
 BETTER = 0.999
-"""The optimum of another target is descended from where its sum of squares is below so many times one's own."""
+"""A target descends from another's optimum where the sum of squares there is below this share of its own."""
 
 NEAR = 1.5
-"""A warm start is descended from where its sum of squares is at most so many times the best that was found."""
+"""A warm start is descended from where its sum of squares is at most this many times the best without it."""
 
 
 @njit(**_INNER)
@@ -90,7 +90,7 @@ def fit_targets(machine, starts, near, descent, best_x, best_value):
 
     Last come warm starts `near` (t or 0, d), one per target: they can only lower what was found without them.
 
-    Returns the number of evaluations and whether the fit was carried through, not given up on the way.
+    Returns the number of evaluations and whether the fit was finished, not given up.
     """
     t, d = best_x.shape
     table, c = np.empty((starts.shape[0], t)), np.zeros(machine.linear)
@@ -136,16 +136,16 @@ def _descend_from_table(machine, starts, table, descent, best_x, best_value, c):
 def _exchange(machine, descent, best_x, best_value, c):
     """Every target descends from the optimum of another where that suits it better than its own."""
     t = best_value.shape[0]
-    found, table = np.empty(best_x.shape), np.empty((t, t))
+    optima, table = np.empty(best_x.shape), np.empty((t, t))
     for row in range(t):
-        copy(found[row], best_x[row])
-        _table_row(machine, found[row], table[row], c)
+        copy(optima[row], best_x[row])
+        _table_row(machine, optima[row], table[row], c)
     used = t
     nothing = np.zeros(t, np.bool_)
     for target in range(t):
         row = _best_row(table, target, nothing)
         if row >= 0 and table[row, target] < BETTER * best_value[target]:
-            used += _descend(machine, target, found[row], descent, best_x, best_value, c)
+            used += _descend(machine, target, optima[row], descent, best_x, best_value, c)
     return used
 
 

@@ -28,20 +28,20 @@ def in_units(weights: NDArray[np.float32], units: Array) -> NDArray[np.float32]:
 
 @dataclass(frozen=True, eq=False)
 class Optima:
-    """What descents have found.
+    """The best of all descents.
 
     x:               (targets, searched) coordinates
     c:               (targets, linear) coefficients
     value:           (targets,) sums of squares
     evaluations:     of the objective, over all targets
-    carried_through: False where the fit was given up on the way
+    finished:        False where the fit was given up
     """
 
     x: NDArray[np.float64]
     c: NDArray[np.float64]
     value: NDArray[np.float64]
     evaluations: int = 0
-    carried_through: bool = True
+    finished: bool = True
 
 
 class Prepared:
@@ -85,21 +85,21 @@ class Prepared:
 
     def fit(self, starts: Array, near: Array, descent: Descent) -> "Optima":
         """`multistart.fit_targets` over the coarse cells; starts (s, searched), near (targets or 0, searched)."""
-        found = self.optima(np.zeros((len(self._kept[0]), self.searched)))
-        used, carried = fit_targets(self.coarse, starts, near, descent, found.x, found.value)
-        state_targets(self.coarse, found.x, found.value, found.c)
-        return replace(found, evaluations=used, carried_through=carried)
+        optima = self.optima(np.zeros((len(self._kept[0]), self.searched)))
+        used, finished = fit_targets(self.coarse, starts, near, descent, optima.x, optima.value)
+        state_targets(self.coarse, optima.x, optima.value, optima.c)
+        return replace(optima, evaluations=used, finished=finished)
 
-    def polish(self, descent: Descent, found: "Optima") -> "Optima":
+    def polish(self, descent: Descent, optima: "Optima") -> "Optima":
         """`multistart.polish_targets` over all cells, from optima that are there."""
-        polished = self.optima(found.x.copy())
+        polished = self.optima(optima.x.copy())
         used = polish_targets(self.machine, descent, polished.x, polished.value, polished.c)
-        return replace(polished, evaluations=found.evaluations + used)
+        return replace(polished, evaluations=optima.evaluations + used)
 
-    def squares(self, found: "Optima") -> NDArray[np.float64]:
+    def squares(self, optima: "Optima") -> NDArray[np.float64]:
         """Squared weighted residuals (n,) over all cells, summed over targets."""
         squares = np.zeros(int(self.machine["cells"]))
-        add_squares(self.machine, found.x, found.c, squares)
+        add_squares(self.machine, optima.x, optima.c, squares)
         return squares
 
     def optima(self, x: NDArray[np.float64]) -> "Optima":
@@ -112,10 +112,10 @@ class Prepared:
             return np.zeros((len(self._kept[0]), 0))
         return np.ascontiguousarray(self.space.of(parameters)[:, : self.searched])
 
-    def parameters(self, found: "Optima") -> dict[str, Array]:
+    def parameters(self, optima: "Optima") -> dict[str, Array]:
         """Parameters, each (targets,), of optima; in order of number."""
-        c = found.c if self.units is None else found.c * self.units[:, None]
-        return self.space.parameters(np.concatenate([found.x, c], axis=1))
+        c = optima.c if self.units is None else optima.c * self.units[:, None]
+        return self.space.parameters(np.concatenate([optima.x, c], axis=1))
 
     def _record(self, features: dict[str, Array], weights: NDArray, weighted: NDArray) -> np.void:
         program, n = self.program, weights.shape[1]

@@ -1,4 +1,4 @@
-"""The first compile of the engine, at a moment of one's own choosing."""
+"""The first compile of the engine, when the caller asks for it."""
 
 import numpy as np
 
@@ -18,5 +18,5 @@ def warm_up() -> None:
     bounds = {"p0": (0.1, 1.0), "p1": (0.1, 2.0)}
     prepared = Prepared(parse("p0 * pow(wh.z, p1)"), dict.fromkeys(FEATURES, cells), ones, ones, bounds)
     descent = Descent(1, 1, 0.5, 4, 1e-3, np.inf, np.inf)
-    found = prepared.fit(np.zeros((1, 1)), np.zeros((0, 1)), descent)
-    prepared.squares(prepared.polish(descent, found))
+    optima = prepared.fit(np.zeros((1, 1)), np.zeros((0, 1)), descent)
+    prepared.squares(prepared.polish(descent, optima))

@@ -47,7 +47,7 @@ class Expression:
         return self._hash
 
     def __reduce__(self) -> tuple[type["Expression"], tuple[str, tuple["Expression", ...]]]:
-        # Hashes of strings differ between processes: make them anew.
+        # Hashes of strings differ between processes: make them again.
         return Expression, (self.symbol, self.children)
 
     def __repr__(self) -> str:
@@ -68,8 +68,8 @@ class Expression:
     @property
     def parameters(self) -> tuple[str, ...]:
         """The parameters that occur, by number: `("p0", "p2")`."""
-        found = {node.symbol for node in self.walk() if grammar.is_parameter(node.symbol)}
-        return tuple(sorted(found, key=lambda symbol: int(symbol[1:])))
+        names = {node.symbol for node in self.walk() if grammar.is_parameter(node.symbol)}
+        return tuple(sorted(names, key=lambda symbol: int(symbol[1:])))
 
 
 # What `object.__setattr__` does for a frozen object, at half the time: trees are made by the million.

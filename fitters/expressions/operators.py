@@ -58,13 +58,13 @@ class Operator:
     undoes_itself: f(f(a)) = a
     opposite:     the operator g with f(a, -b) = g(a, b)
 
-    Facts that hold but for rounding, or for finite values only:
+    Facts that hold except for rounding, or for finite values only:
     absorbing:    (place, value, result): with that value as the operand of that place, the result is known
     idempotent:   f(a, a) = a
     inverse:      the operator g with f(a, g(neutral, b)) = g(a, b)
 
     Facts about what comes out:
-    non_negative: whether the result is certainly not negative, of which operands are
+    non_negative: whether the result is certainly not negative, from which operands are not (and none is -0)
     linear:       in which operands
 
     How backends say it; None where that backend has no way:

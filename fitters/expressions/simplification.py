@@ -64,7 +64,7 @@ def simplified(form: Form[N], operator: Operator, operands: Sequence[N]) -> N | 
 
 
 def shortened(form: Form[N], operator: Operator, operands: Sequence[N]) -> N | None:
-    """A simpler node of the same value but for rounding and what was not finite; None where there is none."""
+    """A simpler node of the same value, except for rounding and what was not finite; None where there is none."""
     first, last = operands[0], operands[-1]
     for place, value, result in operator.absorbing:
         if form.value(operands[place]) == value:

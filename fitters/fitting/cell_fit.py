@@ -95,7 +95,7 @@ def fit_cells(
     warm = np.empty((0, problem.searched)) if near is None else problem.coordinates(near)
     limits = (metric.squares(factor * bar, len(cells.weights)) for factor in (HOPELESS, POOR))
     found = problem.fit(starts, warm, _descent(settings, problem.searched, *limits))
-    if not found.carried_through:
+    if not found.finished:
         return _stated(problem, metric, found)
     found = problem.polish(_descent(settings, problem.searched), found)
     return _sampled(problem, cells, found, _stated(problem, metric, found))
@@ -145,7 +145,7 @@ def _stated(problem: Prepared, metric: Residual, found: Optima) -> Fit:
         errors=errors,
         error=metric.combine(errors),
         evaluations=found.evaluations,
-        finished=found.carried_through,
+        finished=found.finished,
     )
 
 

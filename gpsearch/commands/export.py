@@ -1,21 +1,66 @@
-"""`gpsearch export RUN`: the front as JSON."""
+"""`gpsearch export RUN`: what a run found, in the form of an export target."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
 from gpsearch.commands.described import described
-from gpsearch.commands.runs import run_argument, write_text
+from gpsearch.commands.runs import make_folder, run_argument, write_text
+from gpsearch.exports import TARGETS, Target
+from gpsearch.run import Formula, Result
+
+_FORMATS = "\n".join(f"  {target.name:12s} {target.meaning}" for target in TARGETS.values())
+
+HELP = f"""Writes what RUN found. A run that was stopped is described and culled first.
+
+\b
+Formats:
+{_FORMATS}
+"""
 
 
-@click.command()
+@click.command(help=HELP)
 @run_argument
-@click.option("--format", "form", type=click.Choice(["json"]), default="json", show_default=True)
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="A file; standard output by default.")
-def export(run: Path, form: str, output: Path | None) -> None:
-    """Writes the front of RUN (gpsearch-front/1). A run that was stopped is described and culled first."""
-    text = described(run).to_text()
+@click.option("--format", "name", type=click.Choice(list(TARGETS)), default=next(iter(TARGETS)), show_default=True)
+@click.option("--member", "ids", multiple=True, metavar="ID", help="A formula of the front; by default all.")
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    help="A file, or a folder for several; a single file goes to standard output by default.",
+)
+def export(run: Path, name: str, ids: tuple[str, ...], output: Path | None) -> None:
+    target = TARGETS[name]
+    if ids and not target.per_member:
+        raise click.UsageError(f"--member: {name} is about the whole run; leave it out.")
+    result = described(run)
+    write_files(target.files(result, members(target, result, ids)), output)
+
+
+def members(target: Target, result: Result, ids: tuple[str, ...]) -> list[Formula]:
+    """The formulas with these ids, or all. Raises `click.UsageError` for an id that is not on the front."""
+    by_id = {formula.id: formula for formula in result.formulas}
+    for unknown in (one for one in ids if one not in by_id):
+        raise click.UsageError(
+            f"--member: there is no {unknown}; the front has {', '.join(by_id) or 'no formula'}."
+        )
+    if target.per_member and not by_id:
+        raise click.ClickException(f"{result.run.name}: the front has no formula yet; let the search run on.")
+    return [by_id[one] for one in dict.fromkeys(ids)] if ids else list(result.formulas)
+
+
+def write_files(files: Mapping[str, str], output: Path | None) -> None:
+    """Writes a single file to `output` or to standard output, several into the folder `output`."""
+    if len(files) == 1 and (output is None or not output.is_dir()):
+        text = next(iter(files.values()))
+        if output is None:
+            click.echo(text, nl=False)
+        else:
+            write_text(output, text)
+        return
     if output is None:
-        click.echo(text, nl=False)
-    else:
-        write_text(output, text)
+        raise click.UsageError(f"-o: {len(files)} files need a folder; name one, or choose one --member.")
+    make_folder(output)
+    for file, text in files.items():
+        write_text(output / file, text)

@@ -1,10 +1,14 @@
-"""What a run found, in forms that others read."""
+"""What a run found, in forms that other programs read: a registry of targets.
 
-import json
-from importlib import resources
-from typing import Any
+To add a target, write a module with a `Target` (`gpsearch.exports.targets` has functions that make one) and name
+it in `TARGETS`; `gpsearch export --format` then offers it, and the tests run `gpsearch.exports.contract` on it.
+"""
 
+from gpsearch.exports import front_json
+from gpsearch.exports.front_json import schema
+from gpsearch.exports.targets import Target
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of front.json, which `Result.to_json` fulfils."""
-    return json.loads(resources.files(__package__).joinpath("front.schema.json").read_text())
+TARGETS = {target.name: target for target in (front_json.TARGET,)}
+"""By the choice of `--format`; the first is the default."""
+
+__all__ = ["TARGETS", "Target", "schema"]

@@ -1,7 +1,7 @@
 """The same front, whatever happens: real processes are killed at random moments, which are printed.
 
-`pytest tests/chaos` takes a minute or two: the storm and two more of the blows, drawn anew each time. `--chaos N`
-makes N rounds of all of them, `--chaos-seed S` repeats draw and moments.
+`pytest tests/chaos --long` takes some minutes: the storm and two more of the blows, drawn anew each time.
+`--chaos N` makes N rounds of all of them, `--chaos-seed S` repeats draw and moments.
 """
 
 from __future__ import annotations
@@ -20,12 +20,11 @@ import pytest
 import fitters.cache
 from gpsearch.run import Store
 from tests.chaos.actors import Cluster, Launcher
-from tests.chaos.share import seed_of
 from tests.chaos.tally import TALLY
 from tests.gpsearch.small import small_text, without_times
 from workers.dispatch.replay import replay
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 GENERATIONS, ISLANDS = 6, 3
 
@@ -54,7 +53,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     if "chance" in metafunc.fixturenames:
-        first, rounds = seed_of(metafunc.config), max(metafunc.config.getoption("--chaos"), 1)
+        first, rounds = metafunc.config.getoption("--chaos-seed"), max(metafunc.config.getoption("--chaos"), 1)
         metafunc.parametrize("chance", [first + i for i in range(rounds)], indirect=True)
 
 

@@ -134,7 +134,7 @@ def test_jobs_whose_workers_left_are_replaced_and_the_last_is_cancelled(site: Pa
     assert set(lines(site / "cancelled")) >= set(lines(site / "submitted")[2:])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_real_search_finds_its_front_on_workers_that_are_jobs(site: Path) -> None:
     port = re.findall(r"^PORT = (\d+)", (site / "launch.py").read_text(), re.MULTILINE)[0]
     executor = {"kind": "dask", "scheduler": f"tcp://127.0.0.1:{port}"}

@@ -150,7 +150,7 @@ def test_damaged_code_is_compiled_and_kept_again(copied, scalars, damage):
     assert run(SCALARS, copied) == [scalars, 1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_fit_survives_damage_to_all_files(copied):
     """Half a minute: everything is compiled again."""
     good, loaded = run(FIT, copied)

@@ -37,6 +37,9 @@ SMALL: dict[str, Any] = {
     "baselines": ["lambert"],
 }
 
+FEW: dict[str, Any] = {"islands": 1, "island_size": 6}
+"""A search section for tests that need a front, of whatever formulas: three of them are on it."""
+
 
 def small_text(**changes: Any) -> str:
     """The YAML of `SMALL` with whole sections replaced or, where they are mappings, updated."""

@@ -180,7 +180,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_mishaps_leave_nothing_on_the_terminal(tmp_path: Path) -> None:
     script = tmp_path / "quiet.py"
     script.write_text(QUIET)

@@ -100,7 +100,7 @@ def test_workers_killed_in_mid_task_again_and_again_change_nothing(lasting_clust
         assert {"workers", "retry"} <= {incident.kind for incident in executor.incidents()}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_all_workers_leave_and_others_join() -> None:
     with changing_cluster(workers=0) as cluster:
         first = cluster.start_workers(2)
@@ -179,7 +179,7 @@ def test_a_worker_of_another_version_that_joins_gets_no_work(mortal_cluster: Clu
         (work.hang_with_the_lock, 1.0, f"did not end within 1 s, {HANGS} times"),
     ],
 )
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_deadly_item_is_given_up_alone(
     small_cluster: Cluster, function: Callable[..., Any], hang_seconds: float, reason: str
 ) -> None:
@@ -198,7 +198,7 @@ def test_a_deadly_item_is_given_up_alone(
 # the scheduler
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_scheduler_that_is_restarted_loses_nothing(mortal_cluster: Cluster) -> None:
     with opened(mortal_cluster) as executor:
         executor.submit(squares())

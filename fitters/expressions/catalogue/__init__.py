@@ -8,7 +8,7 @@ import difflib
 
 from fitters.errors import FittersError
 from fitters.expressions.catalogue import classic, disney, genbrdf, glossy
-from fitters.expressions.catalogue.formula import Formula, Parameter
+from fitters.expressions.catalogue.published import Formula, Parameter
 from fitters.expressions.text import parse
 
 __all__ = ["CATALOGUE", "Formula", "Parameter", "formula"]

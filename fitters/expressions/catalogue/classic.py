@@ -1,6 +1,6 @@
 """Reflection models from Lambert to GGX."""
 
-from fitters.expressions.catalogue.formula import Entry, Parameter
+from fitters.expressions.catalogue.published import Entry, Parameter
 from fitters.expressions.catalogue.terms import (
     ALPHA,
     DIFFUSE,

@@ -1,10 +1,10 @@
 """Lobes of the Disney BRDF: Burley 2012, Physically-Based Shading at Disney.
 
 Left out: tints, sheen, anisotropy and the subsurface diffuse lobe. A parameter is the value in one channel, so
-metals and dielectrics are told apart by their reflectance, not by a switch.
+metals and dielectrics differ in their reflectance; there is no switch.
 """
 
-from fitters.expressions.catalogue.formula import Entry, Parameter
+from fitters.expressions.catalogue.published import Entry, Parameter
 from fitters.expressions.catalogue.terms import DIFFUSE, R0, SCHLICK_VH, SPECULAR
 
 _FD90 = "(2 * dot(wo, wh) * dot(wo, wh) * p1 - 0.5)"  # less 1

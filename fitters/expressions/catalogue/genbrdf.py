@@ -1,6 +1,6 @@
 """What genetic programming found: Brady et al. 2014, genBRDF."""
 
-from fitters.expressions.catalogue.formula import Entry, Parameter
+from fitters.expressions.catalogue.published import Entry, Parameter
 from fitters.expressions.catalogue.terms import DIFFUSE, DIFFUSE_VALUE, SPECULAR
 
 ENTRIES: list[Entry] = [

@@ -1,6 +1,6 @@
 """Models made for glossy surfaces of the MERL database, whose highlights have wider tails than Beckmann's."""
 
-from fitters.expressions.catalogue.formula import Entry, Parameter
+from fitters.expressions.catalogue.published import Entry, Parameter
 from fitters.expressions.catalogue.terms import DIFFUSE, SPECULAR, TAN2, V_CAVITY
 
 _VH = "dot(wo, wh)"

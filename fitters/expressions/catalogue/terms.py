@@ -1,6 +1,6 @@
 """Parameters and terms that several formulas share. A term that names a parameter says so."""
 
-from fitters.expressions.catalogue.formula import Parameter
+from fitters.expressions.catalogue.published import Parameter
 
 DIFFUSE = Parameter("diffuse albedo", 1e-5, 10.0)
 DIFFUSE_VALUE = Parameter("diffuse value, sr^-1", 1e-6, 10.0)

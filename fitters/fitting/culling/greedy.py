@@ -1,7 +1,7 @@
 """Which reductions a formula takes, one after the other: always the one that saves most for the error it costs.
 
 Most reductions cost about as much after another one as before it. So they wait in a queue by what they cost when
-they were last tried, and only the first of the queue is tried anew: Minoux's accelerated greedy algorithm (1978).
+they were last tried, and only the first of the queue is tried again: Minoux's accelerated greedy algorithm (1978).
 What is far from possible once is not tried again.
 """
 
@@ -103,8 +103,8 @@ class Greedy:
                 price = self.prices[one.key] = self._price(stage, one, tried[i])
                 if price < inf:
                     heappush(queue, (price, i))
-            elif tried[i].error <= self._limit(stage, one) and (found := self._taken(stage, one, tried[i])):
-                return found
+            elif tried[i].error <= self._limit(stage, one) and (taken := self._taken(stage, one, tried[i])):
+                return taken
         return None
 
     def _tried(self, stage: Stage, one: Reduction, spare: str | None) -> Fit:
@@ -117,11 +117,11 @@ class Greedy:
         if spare in one.whole.parameters:
             near[spare] = self._means(one.before, stage.sample)
         cells, metric, bounds, settings = self.problem.sample, self.problem.metric, self.bounds, self.settings
-        found = refit_cells(one.whole, cells, metric, bounds, near, settings, evaluations=SHORT)
-        if found.error <= self.demands.sample:
-            return found
-        afar = fit_cells(one.whole, cells, metric, bounds, settings, near=found.columns, bar=self.demands.sample)
-        return afar if afar.finished and afar.error < found.error else found
+        close = refit_cells(one.whole, cells, metric, bounds, near, settings, evaluations=SHORT)
+        if close.error <= self.demands.sample:
+            return close
+        afar = fit_cells(one.whole, cells, metric, bounds, settings, near=close.columns, bar=self.demands.sample)
+        return afar if afar.finished and afar.error < close.error else close
 
     def _means(self, node: Expression, found: Fit) -> Array:
         """Values (targets,) of a subexpression of a fitted formula, where the measurement is bright."""

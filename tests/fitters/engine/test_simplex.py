@@ -53,7 +53,7 @@ def scipy_best(formula, cells, target, rng):
     return best
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_no_fit_is_worse_than_scipys_best_restart():
     """On 95 % of the targets at least: not above 0.1 % over the best of 6 descents of 300 evaluations."""
     rng = np.random.default_rng(0)

@@ -26,7 +26,7 @@ MODELS = {
     "metal": ("genbrdf-metal", {"p0": (1e-12, 1e6), "p1": (0, 1e12), "p2": (1e-12, 1e6), "p3": (1e-6, 1e3)}),
 }
 
-pytestmark = [needs_shared_data, pytest.mark.slow]
+pytestmark = [needs_shared_data, pytest.mark.long]
 
 
 @pytest.fixture(scope="module")

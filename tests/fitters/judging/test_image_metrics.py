@@ -244,7 +244,7 @@ def test_the_tone_curve_is_that_of_the_factor_paper(disc):
 
 
 def test_every_protocol_names_mask_exposure_and_colours():
-    assert list(IMAGE_METRICS) == ["l2", "psnr", "1-ssim", "delta-e-2000", "delta-e-itp", "flip"]
+    assert {"l2", "psnr", "1-ssim", "delta-e-2000", "delta-e-itp", "flip"} <= set(IMAGE_METRICS)
     for metric in IMAGE_METRICS.values():
         assert "foreground" in metric.protocol
         assert "exposure" in metric.protocol

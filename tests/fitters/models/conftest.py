@@ -11,6 +11,7 @@ from fitters.fitting import FitSettings, Problem, fit_cells
 from fitters.grid import CELLS, SHAPE, above_horizon
 from fitters.materials import load_material
 from fitters.models import Fitted, MaterialFit, MeasuredTable, factors, power_iterations
+from fitters.models.factors import solving
 from fitters.models.formula import formula_models
 from fitters.scenes import LightTable
 from tests.fitters.models.power_iterations.closed_forms import Surface
@@ -29,15 +30,23 @@ FITS = {
         parse(ONE_SIDED), dict.fromkeys(("p0", "p1", "p2"), (1e-4, 1e3)), material
     ),
     "bivariate": lambda material: factors.fit_bivariate(material).model,
-    "npf-independent-g": lambda material: factors.fit_independent_g(material, only=("slices",)).model,
-    "npf-g-from-d": lambda material: factors.fit_g_from_d(material).model,
-    "npf-naive": lambda material: factors.fit_naive(material).model,
+    "npf-independent-g": lambda material: _factors(factors.fit_independent_g, material, only=("slices",)),
+    "npf-g-from-d": lambda material: _factors(factors.fit_g_from_d, material),
+    "npf-naive": lambda material: _factors(factors.fit_naive, material),
     "power-iterations": lambda material: power_iterations.extract(material).model,
     "power-iterations-anisotropic": lambda material: power_iterations.extract_anisotropic(material).model,
 }
 MODELS = [(name, material) for name in FITS for material in (GLOSSY, ROUGH)] + [
     ("power-iterations-anisotropic", "brushed")
 ]
+
+
+def _factors(method, material, **how):
+    """After few steps: that factors are fitted well is tested elsewhere."""
+    with pytest.MonkeyPatch.context() as patch:
+        for steps in ("COARSE_STEPS", "FINE_STEPS"):
+            patch.setattr(solving, steps, 5)
+        return method(material, **how).model
 
 
 def _formula(expression, bounds, material):

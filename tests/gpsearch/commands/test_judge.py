@@ -8,19 +8,22 @@ import pytest
 
 from gpsearch.judging import scenes
 from gpsearch.run import Store
-from tests.gpsearch.small import gpsearch, run_search, small
+from tests.gpsearch.small import FEW, gpsearch, run_search, small
+
+COARSE = 32
+"""Pixels of a picture's side, where its content does not matter."""
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("judged")
-    run_search(
-        folder / "run", small(folder, budget={"generations": 1}, baselines=["lambert", "bivariate"])
-    ).close()
+    changes = {"budget": {"generations": 1}, "baselines": ["lambert", "bivariate"]}
+    run_search(folder / "run", small(folder, search=FEW, **changes)).close()
     return folder
 
 
-def test_a_run(folder):
+def test_a_run(folder, monkeypatch):
+    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", COARSE)
     done = gpsearch("judge", "run", "--json", "-o", "pictures", cwd=folder)
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
@@ -44,7 +47,8 @@ def test_a_model_by_name_in_another_scene_ranks_with_its_own_light(folder):
     assert "lambert" in done.stdout
 
 
-def test_a_saved_model(folder):
+def test_a_saved_model(folder, monkeypatch):
+    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", COARSE)
     saved = gpsearch("fit", "bivariate", "builtin:metal", "--save", "b.npz", cwd=folder)
     assert saved.returncode == 0, saved.stderr
     done = gpsearch("judge", "b.npz", "--material", "builtin:metal", "--json", cwd=folder)
@@ -58,7 +62,7 @@ def tested(tmp_path_factory):
     """A folder with a run of two materials that has a test material."""
     folder = tmp_path_factory.mktemp("tested")
     changes = {"materials": ["builtin:metal", "builtin:rough-plastic"], "test_materials": ["builtin:fabric"]}
-    run_search(folder / "run", small(folder, budget={"generations": 1}, **changes)).close()
+    run_search(folder / "run", small(folder, budget={"generations": 1}, search=FEW, **changes)).close()
     return folder
 
 
@@ -72,12 +76,12 @@ def judged(folder, *options):
 def report(tested):
     """Of `tested`, judged in small pictures."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scenes, "IMAGE_RESOLUTION", 32)
+        patch.setattr(scenes, "IMAGE_RESOLUTION", COARSE)
         return judged(tested, "run", "-o", "pictures")
 
 
 def test_a_run_is_judged_on_test_materials_apart_from_the_others(tested, report, monkeypatch):
-    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
+    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", COARSE)
     assert (report["materials"], report["test_materials"]) == (["metal", "rough-plastic"], ["fabric"])
     for model in report["models"]:
         assert list(model["cards"]) == ["metal", "rough-plastic", "fabric"]
@@ -96,7 +100,7 @@ def test_a_run_is_judged_on_test_materials_apart_from_the_others(tested, report,
 
 
 def test_only_the_materials_that_are_named_are_judged(tested, report, monkeypatch):
-    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
+    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", COARSE)
     one = judged(tested, "run", "--material", "fabric")
     assert (one["materials"], one["test_materials"]) == ([], ["fabric"])
     whole = {model["name"]: model["cards"]["fabric"] for model in report["models"]}
@@ -108,7 +112,7 @@ def test_only_the_materials_that_are_named_are_judged(tested, report, monkeypatc
 
 def test_to_a_material_that_is_new_to_the_run_all_models_are_refitted(report, folder, monkeypatch):
     """As if it had been a test material; beside it, materials of the run are what they were."""
-    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
+    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", COARSE)
     new = judged(folder, "run", "--material", "builtin:fabric", "--material", "metal")
     assert (new["materials"], new["test_materials"]) == (["metal"], ["fabric"])
     known, fresh = (

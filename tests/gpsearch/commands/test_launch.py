@@ -117,8 +117,14 @@ def test_launching_a_finished_run_again_changes_nothing(whole):
     assert (folder / "runs/small/front.json").read_text() == before
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize(
+    "how",
+    [
+        pytest.param(signal.SIGINT, marks=pytest.mark.long),
+        pytest.param(signal.SIGTERM, marks=pytest.mark.long),
+        signal.SIGKILL,
+    ],
+)
 def test_a_process_that_is_stopped_goes_on_to_the_same_front(folder, whole, how):
     with launched(folder) as process:
         wait_for(process.stderr, "generation 1/4")
@@ -146,7 +152,7 @@ def test_a_process_that_is_stopped_goes_on_to_the_same_front(folder, whole, how)
     ]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_second_launcher_is_refused_while_the_first_one_runs(folder):
     (folder / "small.yaml").write_text(small_text(budget={"generations": 1000}))
     with launched(folder) as process:
@@ -160,7 +166,7 @@ def test_a_second_launcher_is_refused_while_the_first_one_runs(folder):
     assert json.loads(gpsearch("status", "run", "--json", cwd=folder).stdout)["running"] is None
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_full_disk_ends_the_run_and_loses_nothing(folder, whole):
     """A file system of half a megabyte; once there is room, the same command goes on."""
     small_disk = folder / "disk"

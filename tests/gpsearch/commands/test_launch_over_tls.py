@@ -12,7 +12,7 @@ from tests.workers.cluster import real_cluster
 FILES = {"ca": "tls/ca.pem", "cert": "tls/cert.pem", "key": "tls/key.pem"}
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_run_goes_on_over_tls(tmp_path: Path) -> None:
     """The paths of the files count from the configuration's folder, not from where the command is given."""
     folder = tmp_path / "mine"

@@ -19,7 +19,7 @@ from fitters.scenes import Scene, light_table
 from gpsearch.judging.offers import View
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.tolerance import parse_tolerance
-from tests.gpsearch.small import gpsearch, run_search, small, small_text
+from tests.gpsearch.small import FEW, gpsearch, run_search, small, small_text
 
 NAMES = ("metal", "rough-plastic")
 LIMIT = 0.4
@@ -30,7 +30,7 @@ LIMIT = 0.4
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the run of two materials in `run`, and a configuration with another scene."""
     folder = tmp_path_factory.mktemp("pick")
-    changes = {"baselines": ["lambert", "ggx", "bivariate"], "budget": {"generations": 3}}
+    changes = {"baselines": ["lambert", "ggx", "bivariate"], "budget": {"generations": 1}, "search": FEW}
     run_search(folder / "run", small(folder, materials=[f"builtin:{name}" for name in NAMES], **changes)).close()
     (folder / "grey.yaml").write_text(small_text(scene={"light": "overcast"}))
     return folder

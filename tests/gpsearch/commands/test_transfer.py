@@ -15,22 +15,23 @@ from fitters.models import MODELS, FormulaModel
 from gpsearch.judging import scenes
 from gpsearch.judging.scenes import scene_of
 from gpsearch.run import Store, result_of
-from tests.gpsearch.small import gpsearch, run_search, small, small_text
+from tests.gpsearch.small import FEW, gpsearch, run_search, small, small_text
 
 TRAIN, TEST = ["glossy-plastic", "rough-plastic"], ["fabric"]
 CHANGES: dict[str, Any] = {
     "materials": [f"builtin:{name}" for name in TRAIN],
     "test_materials": [f"builtin:{name}" for name in TEST],
     "baselines": ["lambert", "cook-torrance", "bivariate"],
-    "budget": {"generations": 2},
+    "budget": {"generations": 1},
+    "search": FEW,
     "fit": {"starts": 64, "restarts": 2, "rounds": 1},
 }
 
 
 @pytest.fixture(autouse=True)
 def coarse(monkeypatch):
-    """Pictures of a quarter of the pixels."""
-    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 48)
+    """Pictures of few pixels."""
+    monkeypatch.setattr(scenes, "IMAGE_RESOLUTION", 32)
 
 
 @pytest.fixture(scope="module")
@@ -56,7 +57,7 @@ def transferred(folder: Path, *options: str) -> dict[str, Any]:
 @pytest.fixture(scope="module")
 def report(folder):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scenes, "IMAGE_RESOLUTION", 48)
+        patch.setattr(scenes, "IMAGE_RESOLUTION", 32)
         return transferred(folder, "run")
 
 
@@ -206,7 +207,7 @@ def test_a_material_of_the_search_under_another_name_is_refused(tmp_path):
     metal = load_material("builtin:metal")
     for name in ("steel", "iron"):
         write_merl(tmp_path / f"{name}.binary", metal.table, metal.valid)
-    (tmp_path / "a.yaml").write_text(small_text(materials=["steel.binary"], budget={"generations": 1}))
+    (tmp_path / "a.yaml").write_text(small_text(materials=["steel.binary"], budget={"generations": 1}, search=FEW))
     assert gpsearch("launch", "a.yaml", "--run", "run", cwd=tmp_path).returncode == 0
     result = gpsearch("transfer", "run", "--material", "iron.binary", cwd=tmp_path)
     assert (result.returncode, result.stdout) == (2, "")
@@ -220,7 +221,7 @@ def test_a_table_that_cannot_be_fitted_to_a_test_material_is_no_error(tmp_path):
     dark[:, 0] = False  # nothing is known of its backscattering
     write_merl(tmp_path / "dark.binary", metal.table, dark)
     changes = {"test_materials": ["builtin:fabric", "dark.binary"], "baselines": ["power-iterations"]}
-    (tmp_path / "a.yaml").write_text(small_text(**changes, budget={"generations": 1}))
+    (tmp_path / "a.yaml").write_text(small_text(**changes, search=FEW, budget={"generations": 1}))
     launched = gpsearch("launch", "a.yaml", "--run", "run", cwd=tmp_path)
     assert launched.returncode == 0, launched.stderr
     (table,) = (line for line in launched.stdout.splitlines() if "power-iterations" in line)

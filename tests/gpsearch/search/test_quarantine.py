@@ -51,7 +51,8 @@ class BadPlan(Plan):
 
 
 def searched(folder: Path, victims: dict[str, str], executor: Executor, size: int = 8) -> Store:
-    configuration = small(folder, fit={"warm_starts": False}, search={"island_size": size})
+    changes = {"budget": {"generations": 2}, "baselines": []}
+    configuration = small(folder, fit={"warm_starts": False}, search={"island_size": size}, **changes)
     planned = BadPlan(**vars(plan(configuration)), victims=tuple(victims.items()))
     with writing(make_store(folder / "run", configuration.text())) as store:
         Search(planned, store, executor, Watching()).run()
@@ -65,7 +66,6 @@ def expressions(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return sorted(key for key, known in store.fits() if known.generation == 2)
 
 
-@pytest.mark.slow
 def test_a_run_survives_what_crashes_hangs_and_raises(tmp_path, expressions):
     """Its front is the one of a run in which the same candidates have no fit."""
     ways = dict(zip(expressions[::3], ["crash", "hang", "raise"], strict=False))
@@ -123,6 +123,15 @@ class Sick(LocalExecutor):
         return [done]
 
 
+SICK = {"search": {"island_size": 32}, "budget": {"generations": 2}}
+
+
+@pytest.fixture(scope="module")
+def healthy(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    folder = tmp_path_factory.mktemp("healthy")
+    return run_search(folder / "run", small(folder, **SICK))
+
+
 @pytest.mark.parametrize(
     ("word", "well", "kind"),
     [
@@ -133,15 +142,14 @@ class Sick(LocalExecutor):
         ("lambert", 0, None),
     ],
 )
-def test_a_machine_that_is_sick_for_a_while_changes_nothing(tmp_path, word, well, kind):
+def test_a_machine_that_is_sick_for_a_while_changes_nothing(healthy, tmp_path, word, well, kind):
     """Failures of all that is tried end a run, or leave something out; once mended, the same front is found."""
-    configuration = small(tmp_path, search={"island_size": 32}, budget={"generations": 2})
-    alone = run_search(tmp_path / "alone", configuration)
+    configuration = small(tmp_path, **SICK)
     with pytest.raises(kind) if kind else nullcontext():
         run_search(tmp_path / "run", configuration, executor=Sick(word, well))
     sick = Store.open(tmp_path / "run")
     assert kind or {one.stage for one in sick.quarantined()} <= {"describe", "baseline"}
     mended = run_search(tmp_path / "run", configuration)
-    fronts = [without_times(result_of(store, configuration).to_json()) for store in (alone, mended)]
+    fronts = [without_times(result_of(store, configuration).to_json()) for store in (healthy, mended)]
     assert fronts[0] == fronts[1]
-    assert mended.islands() == alone.islands()
+    assert mended.islands() == healthy.islands()

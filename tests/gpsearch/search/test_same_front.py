@@ -11,10 +11,13 @@ from tests.gpsearch.small import gpsearch, gpsearch_process, small_text, without
 from tests.workers.cluster import real_cluster
 
 
-@pytest.mark.slow
-def test_the_front_is_the_same_in_one_process_and_on_two_workers_of_a_scheduler(tmp_path):
-    """The front, culled, and all baselines that a run has by default."""
-    baselines = list(DEFAULT_BASELINES)
+@pytest.mark.parametrize(
+    "baselines",
+    [["lambert", "bivariate"], pytest.param(list(DEFAULT_BASELINES), marks=pytest.mark.long)],
+    ids=["two baselines", "the default baselines"],
+)
+def test_the_front_is_the_same_in_one_process_and_on_two_workers_of_a_scheduler(tmp_path, baselines):
+    """The front, culled, and the baselines."""
     (tmp_path / "small.yaml").write_text(small_text(executor="local", baselines=baselines, culling=0.01))
     alone = gpsearch("launch", "small.yaml", "--run", "alone", cwd=tmp_path)
     assert alone.returncode == 0, alone.stderr

@@ -181,7 +181,7 @@ def copied(source: Path, folder: Path) -> None:
     (folder / "run" / "run.sqlite").write_bytes((source / "run" / "run.sqlite").read_bytes())
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_worker_processes_find_what_one_process_does(without, tmp_path, monkeypatch):
     """To the last bit, and neither reads what the other has fitted: the settings are of this test alone."""
     fronts = []

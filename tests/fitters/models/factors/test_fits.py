@@ -20,6 +20,13 @@ from tests.fitters.models.factors import known
 DATA = data_folder()
 
 
+@pytest.fixture
+def few_steps(monkeypatch):
+    """For what holds of a fit however far it has come."""
+    for steps in ("ROUNDS", "COARSE_STEPS", "FINE_STEPS"):
+        monkeypatch.setattr(solving, steps, 4)
+
+
 def relative(found, expected, where):
     return np.abs(found / expected - 1)[where].max()
 
@@ -27,7 +34,7 @@ def relative(found, expected, where):
 @pytest.mark.parametrize(
     ("make", "fit", "last"),
     [
-        (known.microfacet, lambda m: fit_independent_g(m, only=("slices", "random-1")), "G"),
+        (known.microfacet, lambda m: fit_independent_g(m, only=("slices",)), "G"),
         (known.shadowed, fit_g_from_d, "G"),
         (known.naive, fit_naive, "H"),
     ],
@@ -68,7 +75,7 @@ def test_bivariate_is_the_weighted_mean_over_the_azimuths():
     [lambda m: fit_independent_g(m, only=("ones",)), fit_g_from_d, fit_naive],
     ids=["independent-g", "g-from-d", "naive"],
 )
-def test_the_objective_is_that_of_the_tables(fit):
+def test_the_objective_is_that_of_the_tables(fit, few_steps):
     material = load_material("builtin:glossy-plastic")
     found = fit(material)
     for channel in range(3):
@@ -111,8 +118,7 @@ def test_a_lambertian_material_is_fitted_too():
 
 @pytest.mark.parametrize("solver", ["joint", "awls"])
 @pytest.mark.parametrize("name", ["metal", "fabric"])
-def test_g_from_d_is_the_g_of_the_d_that_is_kept(name, solver, monkeypatch):
-    monkeypatch.setattr(solving, "ROUNDS", 4)
+def test_g_from_d_is_the_g_of_the_d_that_is_kept(name, solver, few_steps):
     found = fit_g_from_d(load_material(f"builtin:{name}"), solver=solver)
     for c in range(3):
         np.testing.assert_allclose(found.model["G"][:, c], smith().shadowing(found.model["D"][:, c]), rtol=1e-9)
