@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 from workers.dask.settings import DaskSettings
 from workers.jobs import Done, Incident, Job
@@ -55,14 +55,14 @@ class ExecutorSettings(Protocol):
         """An executor that is ready to run: see `open_executor`. What is slow to import is imported here."""
 
 
-EXECUTORS: dict[str, type[Any]] = {
+EXECUTORS: dict[str, type[ExecutorSettings]] = {
     settings.kind: settings
     for settings in (
         LocalSettings,
         DaskSettings,
     )
 }
-"""The `ExecutorSettings` of every kind of executor, by its name. To add one, write its settings and add a line."""
+"""Every kind of executor by its name. To add one, write its settings and add a line."""
 
 
 @contextmanager

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import click
 from rich.console import Console
@@ -18,7 +17,6 @@ from gpsearch.commands.estimate import estimate, not_converged
 from gpsearch.commands.progress import ProgressWatcher, duration, work
 from gpsearch.commands.signals import Terminated, terminable
 from gpsearch.configuration import Configuration, DaskExecutorSection, load_configuration, parse_configuration
-from gpsearch.configuration.files import resolve_path
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.pictures.front_plot import plot_front
 from gpsearch.run import Store, WritableStore, result_of
@@ -27,7 +25,7 @@ from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
 from gpsearch.search.plan import Plan, plan
 from gpsearch.search.search import Search
-from workers import EXECUTORS, ExecutorSettings, Tls, WorkersError, open_executor
+from workers import WorkersError, open_executor
 
 
 @click.command()
@@ -136,7 +134,7 @@ def _search(planned: Plan, store: WritableStore, configuration: Configuration, c
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up(name for name in planned.baselines if name not in store.baselines())
     with (
-        open_executor(executor_settings(configuration), package="gpsearch") as executor,
+        open_executor(configuration.executor.settings(configuration.folder), package="gpsearch") as executor,
         ProgressWatcher(console, planned.budget) as watcher,
     ):
         before = store.totals()[0]
@@ -181,12 +179,3 @@ def _leave(path: Path, write: Callable[[Path], object]) -> None:
 
 def _is_remote(configuration: Configuration) -> bool:
     return isinstance(configuration.executor, DaskExecutorSection) and configuration.executor.scheduler is not None
-
-
-def executor_settings(configuration: Configuration) -> ExecutorSettings:
-    """What `workers` takes, of a configuration."""
-    options: dict[str, Any] = dict(configuration.executor)
-    if (files := options.get("tls")) is not None:
-        paths = (resolve_path(file, configuration.folder) for file in (files.ca, files.cert, files.key))
-        options["tls"] = Tls(*paths)
-    return EXECUTORS[options.pop("kind")](**options)

@@ -13,7 +13,7 @@ import yaml
 from yaml.composer import ComposerError
 from yaml.reader import ReaderError
 
-from gpsearch.configuration.wording import Place, Problem, plain, shown
+from gpsearch.configuration.wording import Mistake, Place, plain, shown
 from gpsearch.errors import GpsearchError
 
 MAX_DEPTH = 20
@@ -26,11 +26,11 @@ _DECIMAL = re.compile(r"[-+]?(0|[1-9][0-9_]*)|[-+]?[0-9_]*\.[^:]*")
 
 @dataclass(frozen=True)
 class Document:
-    """`tree` holds the values without problems, `lines` the line, from 1, of every key and item."""
+    """`tree` holds the values without mistakes, `lines` the line, from 1, of every key and item."""
 
     tree: dict[str, Any]
     lines: Mapping[Place, int]
-    problems: tuple[Problem, ...]
+    mistakes: tuple[Mistake, ...]
 
     def line(self, place: Place) -> int:
         """The line of a place; where the file does not have it, the line of what encloses it."""
@@ -64,7 +64,7 @@ def read_document(text: str, source: str) -> Document:
         raise GpsearchError(f"{source}:{line}: found {kind}; a configuration consists of lines `key: value`")
     walk = _Walk(loader)
     tree = walk.value(root, ())
-    return Document(tree, walk.lines, tuple(walk.problems))
+    return Document(tree, walk.lines, tuple(walk.mistakes))
 
 
 class _Loader(yaml.SafeLoader):
@@ -94,12 +94,12 @@ class _Loader(yaml.SafeLoader):
 
 
 class _Walk:
-    """Turns nodes into values, records lines and collects problems."""
+    """Turns nodes into values, records lines and collects mistakes."""
 
     def __init__(self, loader: _Loader) -> None:
         self.loader = loader
         self.lines: dict[Place, int] = {}
-        self.problems: list[Problem] = []
+        self.mistakes: list[Mistake] = []
 
     def value(self, node: yaml.Node, place: Place) -> Any:
         if isinstance(node, yaml.MappingNode):
@@ -118,11 +118,11 @@ class _Walk:
             key, line = self.key(key_node), key_node.start_mark.line + 1
             if key is None:
                 text = "a key is a text; quote it if it is meant to be one"
-                self.problems.append(Problem((*place, shown(key_node.value)), line, text))
+                self.mistakes.append(Mistake((*place, shown(key_node.value)), line, text))
             elif key in mapping:
                 first = self.lines[(*place, key)]
                 text = f"the key is there already, in line {first}; keep one of them"
-                self.problems.append(Problem((*place, key), line, text))
+                self.mistakes.append(Mistake((*place, key), line, text))
             else:
                 self.lines[(*place, key)] = line
                 mapping[key] = self.value(value_node, (*place, key))
@@ -146,7 +146,7 @@ class _Walk:
 
     def refuse(self, node: yaml.Node, place: Place, text: str) -> None:
         line = node.start_mark.line + 1
-        self.problems.append(Problem(place, line, f"{shown(node.value)} {text}"))
+        self.mistakes.append(Mistake(place, line, f"{shown(node.value)} {text}"))
 
 
 def _encodes(text: str) -> bool:

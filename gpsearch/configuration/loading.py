@@ -11,7 +11,7 @@ from gpsearch.configuration.document import Document, read_document
 from gpsearch.configuration.fields import Section, Surroundings
 from gpsearch.configuration.files import read_text
 from gpsearch.configuration.model import Configuration
-from gpsearch.configuration.wording import MOST, Place, Problem, key_path, listed, message, nearest, plain, shown
+from gpsearch.configuration.wording import MOST, Mistake, Place, key_path, listed, message, nearest, plain, shown
 from gpsearch.errors import GpsearchError
 
 Keys = tuple[str, ...]
@@ -47,14 +47,14 @@ def parse_configuration(text: str, *, source: str, folder: Path, check_files: bo
     as when a finished run is read on another machine. Raises `GpsearchError` as `load_configuration`.
     """
     document = read_document(text, source)
-    problems = list(document.problems)
+    mistakes = list(document.mistakes)
     tree = {"name": _default_name(source), **document.tree}
     try:
         configuration = Configuration.model_validate(tree, context=Surroundings(folder, check_files))
     except ValidationError as error:
-        problems += _validation_problems(error, document)
-    if problems:
-        raise GpsearchError(message(problems, source))
+        mistakes += _validation_mistakes(error, document)
+    if mistakes:
+        raise GpsearchError(message(mistakes, source))
     return configuration
 
 
@@ -63,18 +63,18 @@ def _default_name(source: str) -> str:
     return re.sub(r"[^A-Za-z0-9._-]+", "-", Path(source).stem)[:100].lstrip(".-") or "run"
 
 
-def _validation_problems(error: ValidationError, document: Document) -> list[Problem]:
+def _validation_mistakes(error: ValidationError, document: Document) -> list[Mistake]:
     """The validator's errors, except in places that have a problem already."""
-    refused = {problem.place for problem in document.problems}
-    problems = []
+    refused = {mistake.place for mistake in document.mistakes}
+    mistakes = []
     for number, details in enumerate(filter(_is_own, error.errors(include_url=False))):
         place = _place(details["loc"])
         if details["type"] != "extra_forbidden" and any(place[:end] in refused for end in range(len(place) + 1)):
             continue
         # The search for the nearest key takes long: only for what a message will list
         text = _text(details) if number < 2 * MOST else "is wrong"
-        problems.append(Problem(place, document.line(place), text))
-    return problems
+        mistakes.append(Mistake(place, document.line(place), text))
+    return mistakes
 
 
 def _is_own(details: Any) -> bool:

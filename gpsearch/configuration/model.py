@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Union
 
 import yaml
 from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr
@@ -19,14 +19,16 @@ from gpsearch.configuration.formulas import check_no_baseline_twice
 from gpsearch.configuration.materials import check_material, check_no_material_twice, material_name
 from gpsearch.configuration.sections import (
     MAX_ENTRIES,
+    OTHER_EXECUTORS,
     BudgetSection,
-    ExecutorSection,
+    DaskExecutorSection,
     FitSection,
     LocalExecutorSection,
     SceneSection,
     SearchSection,
 )
 from gpsearch.configuration.wording import listed, shown
+from workers import EXECUTORS
 
 FILES = f"{' or '.join(ISOTROPIC_SUFFIXES)} file"
 """A file of a material, in messages."""
@@ -71,6 +73,12 @@ Materials = Annotated[
 """References of materials, no material twice."""
 
 
+if TYPE_CHECKING:
+    AnyExecutor = LocalExecutorSection | DaskExecutorSection
+else:
+    AnyExecutor = Union[LocalExecutorSection, DaskExecutorSection, *OTHER_EXECUTORS]
+
+
 def _kind_alone(value: Any) -> Any:
     """`local` and `dask` are short for a mapping that has only the kind."""
     return {"kind": value} if isinstance(value, str) else value
@@ -99,9 +107,10 @@ class Configuration(Section):
     )
     scene: SceneSection = section(SceneSection)
     metric: Annotated[str, AfterValidator(one_of(RESIDUALS))] = Field("light", description=listed(RESIDUALS))
-    executor: Annotated[ExecutorSection, Field(discriminator="kind"), BeforeValidator(_kind_alone)] = Field(
+    executor: Annotated[AnyExecutor, Field(discriminator="kind"), BeforeValidator(_kind_alone)] = Field(
         LocalExecutorSection(),
-        description="local, dask, or {kind: dask, scheduler: tcp://host:8786, workers: 2, wait_seconds: 60}",
+        description=f"{listed(EXECUTORS)}, "
+        "or {kind: dask, scheduler: tcp://host:8786, workers: 2, wait_seconds: 60}",
     )
     budget: BudgetSection = section(BudgetSection)
     search: SearchSection = section(SearchSection)

@@ -2,7 +2,8 @@
 
 import dataclasses
 import re
-from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union, get_type_hints
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, get_type_hints
 
 from pydantic import (
     AfterValidator,
@@ -19,7 +20,7 @@ from fitters.fitting.settings import BOUNDS, CELLS, CONFIRM_CELLS, FitSettings
 from fitters.scenes import Scene
 from fitters.scenes.scene import SPHERE
 from gpsearch.configuration.fields import Number, Section, Whole, number, section, surroundings, whole
-from gpsearch.configuration.files import check_geometry, check_light, pem_file
+from gpsearch.configuration.files import check_geometry, check_light, pem_file, resolve_path
 from gpsearch.configuration.formulas import (
     ALL,
     GROUPS,
@@ -30,7 +31,7 @@ from gpsearch.configuration.formulas import (
     resolve_formula,
 )
 from gpsearch.configuration.wording import listed, shown
-from workers import EXECUTORS
+from workers import EXECUTORS, DaskSettings, ExecutorSettings, LocalSettings, Tls
 
 MAX_ENTRIES = 1000
 """Entries of any list."""
@@ -68,9 +69,21 @@ class SceneSection(Section):
         return Scene(**self.model_dump())
 
 
-class LocalExecutorSection(Section):
+class ExecutorSection(Section):
+    """The options of one kind of executor of `workers.EXECUTORS`."""
+
+    executor: ClassVar[type[ExecutorSettings]]
+    kind: str
+
+    def settings(self, folder: Path) -> ExecutorSettings:
+        """The argument of `workers.open_executor`; relative paths count from `folder`."""
+        return self.executor(**self.model_dump(exclude={"kind"}))
+
+
+class LocalExecutorSection(ExecutorSection):
     """One process."""
 
+    executor = LocalSettings
     kind: Literal["local"] = "local"
 
 
@@ -93,7 +106,7 @@ class TlsSection(Section):
     )
 
 
-class DaskExecutorSection(Section):
+class DaskExecutorSection(ExecutorSection):
     """A running scheduler, or without one a cluster on this machine that ends with the run.
 
     workers:      processes to start on this machine, one per core by default
@@ -102,12 +115,19 @@ class DaskExecutorSection(Section):
     tls:          for a scheduler at a tls:// address
     """
 
+    executor = DaskSettings
     kind: Literal["dask"] = "dask"
     scheduler: str | None = Field(None, description="an address such as tcp://host:8786, or null")
     workers: Whole | None = whole(None, 1, 100_000, nullable=True)
     wait_seconds: Number = number(60.0, low=0)
     hang_seconds: Number = number(60.0, above=0)
     tls: TlsSection | None = section(TlsSection, nullable=True)
+
+    def settings(self, folder: Path) -> DaskSettings:
+        """As `ExecutorSection.settings`."""
+        files = self.tls
+        tls = Tls(*(resolve_path(file, folder) for file in (files.ca, files.cert, files.key))) if files else None
+        return DaskSettings(self.scheduler, self.workers, self.wait_seconds, self.hang_seconds, tls)
 
     @field_validator("scheduler")
     @classmethod
@@ -135,21 +155,22 @@ class DaskExecutorSection(Section):
         return value
 
 
-def _executor_section(kind: str) -> type[Section]:
-    """The section of a kind of executor: one of those above, or the fields of the executor's settings."""
-    for written in (LocalExecutorSection, DaskExecutorSection):
-        if written.model_fields["kind"].default == kind:
-            return written
-    types = get_type_hints(EXECUTORS[kind])
-    fields: dict[str, Any] = {"kind": (Literal[kind], kind)}
-    fields |= {field.name: (types[field.name], field.default) for field in dataclasses.fields(EXECUTORS[kind])}
-    return create_model(f"{kind}_section", __base__=Section, **fields)
+def executor_section(executor: type[ExecutorSettings]) -> type[ExecutorSection]:
+    """The section of an executor that needs no checks but of types: its keys are the fields of its settings."""
+    types = get_type_hints(executor)
+    options: dict[str, Any] = {
+        option.name: (types[option.name], Field(option.default, description=f"{option.name} of {executor.kind}"))
+        for option in dataclasses.fields(executor)  # type: ignore[arg-type]
+    }
+    kind: Any = (Literal[executor.kind], executor.kind)
+    section = create_model(f"{executor.__name__}Section", __base__=ExecutorSection, kind=kind, **options)
+    section.executor = executor
+    return section
 
 
-if TYPE_CHECKING:
-    ExecutorSection = LocalExecutorSection | DaskExecutorSection
-else:
-    ExecutorSection = Union[tuple(map(_executor_section, EXECUTORS))]  # noqa: UP007
+OTHER_EXECUTORS = tuple(
+    executor_section(kind) for kind in EXECUTORS.values() if kind not in (LocalSettings, DaskSettings)
+)
 
 
 class BudgetSection(Section):

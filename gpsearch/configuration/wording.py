@@ -1,4 +1,4 @@
-"""How problems, values and names appear in messages: each on one line, with the nearest known name."""
+"""How mistakes, values and names appear in messages: each on one line, with the nearest known name."""
 
 import difflib
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ Place = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
-class Problem:
+class Mistake:
     """What is wrong with the value at a place."""
 
     place: Place
@@ -22,9 +22,9 @@ class Problem:
     text: str
 
 
-def message(problems: list[Problem], source: str) -> str:
-    """The problems of a file, one per line, from its first line to its last."""
-    ordered = sorted(problems, key=lambda problem: problem.line)
+def message(mistakes: list[Mistake], source: str) -> str:
+    """The mistakes of a file, one per line, from its first line to its last."""
+    ordered = sorted(mistakes, key=lambda mistake: mistake.line)
     lines = [f"{source}:{p.line}: {key_path(p.place)}: {p.text}" for p in ordered[:MOST]]
     more = len(ordered) - MOST
     return "\n".join([*lines, f"{source}: {more} more problems"] if more > 0 else lines)

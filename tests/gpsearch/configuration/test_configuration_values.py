@@ -1,6 +1,8 @@
 """What a configuration holds once it is loaded."""
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from pydantic import ValidationError
@@ -16,7 +18,9 @@ from gpsearch.configuration import (
     load_configuration,
     parse_configuration,
 )
+from gpsearch.configuration.sections import executor_section
 from gpsearch.errors import GpsearchError
+from workers import Executor
 
 
 def test_materials_alone_are_enough_and_the_rest_is_as_in_the_paper(load):
@@ -204,3 +208,22 @@ def test_a_configuration_is_frozen_and_hashable(load):
     with pytest.raises(ValidationError):
         configuration.seed = 2
     assert hash(configuration) == hash(load("seed: 1"))
+
+
+@dataclass(frozen=True)
+class FleetSettings:
+    """An executor that the configuration has no section for."""
+
+    kind: ClassVar[str] = "fleet"
+    ships: int = 3
+    harbour: str | None = None
+
+    def open(self, package: str | None) -> Executor:
+        raise NotImplementedError
+
+
+def test_an_executor_of_the_registry_needs_no_section_of_its_own(tmp_path):
+    section = executor_section(FleetSettings)
+    assert section(kind="fleet", ships=5).settings(tmp_path) == FleetSettings(5)
+    with pytest.raises(ValidationError, match="boats"):
+        section(kind="fleet", boats=5)
