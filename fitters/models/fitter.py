@@ -59,6 +59,11 @@ class FormulaBaseline:
     description: Description
     fit_seconds: float
 
+    @property
+    def metrics(self) -> dict[str, float]:
+        """The error over all targets by every metric."""
+        return self.description.metrics
+
 
 @dataclass(frozen=True)
 class TabulatedBaseline:

@@ -38,6 +38,11 @@ def chart(run: Path, output: Path | None, as_json: bool) -> None:
     the other. Writes chart.png, chart.svg, chart.html and chart.csv.
     """
     result = described(run)
+    if not result.formulas and result.missing:
+        raise GpsearchError(
+            f"{run}: none of the {result.missing} formulas of its front is described yet; chart the run when the"
+            " process that writes to it has ended"
+        )
     if not result.formulas:
         raise GpsearchError(
             f"{run}: its front is empty, the run was stopped before it had found anything; `gpsearch launch` with "
@@ -45,16 +50,16 @@ def chart(run: Path, output: Path | None, as_json: bool) -> None:
         )
     folder = output or run
     make_folder(folder)
-    found = _measured(result)
+    charted = _measured(result)
     paths = {Path(name).suffix[1:]: folder / name for name in FILES}
-    write_pictures(found, (paths["png"], paths["svg"]))
-    write_page(found, paths["html"])
-    write_table(found, paths["csv"])
-    report = _report(found, paths)
+    write_pictures(charted, (paths["png"], paths["svg"]))
+    write_page(charted, paths["html"])
+    write_table(charted, paths["csv"])
+    report = _report(charted, paths)
     if as_json:
         print_json(report)
     else:
-        click.echo(_text(found, paths))
+        click.echo(_text(charted, paths))
 
 
 def _measured(result: Result) -> Chart:
@@ -69,26 +74,26 @@ def _measured(result: Result) -> Chart:
     return chart_of(result.run, competing, seconds, incoherent, coherent, empty, len(CHANNELS) * CELLS)
 
 
-def _report(found: Chart, paths: dict[str, Path]) -> dict[str, Any]:
-    run = found.run
+def _report(charted: Chart, paths: dict[str, Path]) -> dict[str, Any]:
+    run = charted.run
     return {
         "run": run.name,
         "metric": run.metric,
         "materials": list(run.materials),
         **({"test_materials": list(run.test_materials)} if run.test_materials else {}),
-        "empty_ns": round(found.empty.ns, 2),
-        "models": [table_row(model, found) for model in found.models],
+        "empty_ns": round(charted.empty.ns, 2),
+        "models": [table_row(model, charted) for model in charted.models],
         "files": {form: str(path) for form, path in paths.items()},
     }
 
 
-def _text(found: Chart, paths: dict[str, Path]) -> str:
+def _text(charted: Chart, paths: dict[str, Path]) -> str:
     """What no other model beats in error, speed and floats, and where the files are."""
     lines = ["no other model is better in error, time of an evaluation and floats at once:"]
-    for model in sorted((m for m in found.models if m.unbeaten_together), key=lambda m: m.cost("ns") or 0.0):
+    for model in sorted((m for m in charted.models if m.unbeaten_together), key=lambda m: m.cost("ns") or 0.0):
         test = f"test {model.entry.test_error:.4f}  " if model.entry.test_error is not None else ""
         costs = f"{model.cost('ns'):7.1f} ns  {model.entry.floats:9,d} floats"
         lines.append(f"  {model.title:32s} error {model.error:.4f}  {test}{costs}")
-    lines.append(f"an empty call takes {found.empty.ns:.1f} ns, which is in every figure")
-    lines += [f"could not be fitted: {model.title}" for model in found.unfitted]
+    lines.append(f"an empty call takes {charted.empty.ns:.1f} ns, which is in every figure")
+    lines += [f"could not be fitted: {model.title}" for model in charted.unfitted]
     return "\n".join([*lines, *(f"{form}: {path}" for form, path in paths.items())])

@@ -29,11 +29,11 @@ def chart_search(runs: tuple[Path, ...], output: Path | None, as_json: bool) -> 
     """
     searched = [_read(run) for run in dict.fromkeys(runs)]
     files = search_chart(searched, output or runs[0])
-    found = curves(searched)
+    drawn = curves(searched)
     if as_json:
-        print_json({"runs": [_entry(curve) for curve in found], "files": {k: str(p) for k, p in files.items()}})
+        print_json({"runs": [_entry(curve) for curve in drawn], "files": {k: str(p) for k, p in files.items()}})
         return
-    for curve in found:
+    for curve in drawn:
         best = curve.steps[-1]
         click.echo(
             f"{curve.name}, seed {curve.seed}: error {best.error:.4f} at {best.nodes} nodes"

@@ -7,8 +7,9 @@ import click
 
 from gpsearch.commands.described import described
 from gpsearch.commands.runs import make_folder, run_argument, write_text
+from gpsearch.errors import GpsearchError
 from gpsearch.exports import TARGETS, Target
-from gpsearch.run import Formula, Result
+from gpsearch.run import Baseline, FoundFormula, Result
 
 _FORMATS = "\n".join(f"  {target.name:12s} {target.meaning}" for target in TARGETS.values())
 
@@ -23,31 +24,34 @@ Formats:
 @click.command(help=HELP)
 @run_argument
 @click.option("--format", "name", type=click.Choice(list(TARGETS)), default=next(iter(TARGETS)), show_default=True)
-@click.option("--member", "ids", multiple=True, metavar="ID", help="A formula of the front; by default all.")
+@click.option(
+    "--member",
+    "names",
+    multiple=True,
+    metavar="ID",
+    help="A formula of the front, or a baseline; by default all formulas.",
+)
 @click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path),
     help="A file, or a folder for several; a single file goes to standard output by default.",
 )
-def export(run: Path, name: str, ids: tuple[str, ...], output: Path | None) -> None:
+def export(run: Path, name: str, names: tuple[str, ...], output: Path | None) -> None:
     target = TARGETS[name]
-    if ids and not target.per_member:
+    if names and not target.per_member:
         raise click.UsageError(f"--member: {name} is about the whole run; leave it out.")
     result = described(run)
-    write_files(target.files(result, members(target, result, ids)), output)
+    write_files(target.files(result, members(target, result, names)), output)
 
 
-def members(target: Target, result: Result, ids: tuple[str, ...]) -> list[Formula]:
-    """The formulas with these ids, or all. Raises `click.UsageError` for an id that is not on the front."""
-    by_id = {formula.id: formula for formula in result.formulas}
-    for unknown in (one for one in ids if one not in by_id):
-        raise click.UsageError(
-            f"--member: there is no {unknown}; the front has {', '.join(by_id) or 'no formula'}."
-        )
-    if target.per_member and not by_id:
-        raise click.ClickException(f"{result.run.name}: the front has no formula yet; let the search run on.")
-    return [by_id[one] for one in dict.fromkeys(ids)] if ids else list(result.formulas)
+def members(target: Target, result: Result, names: tuple[str, ...]) -> list[FoundFormula | Baseline]:
+    """The entries with these names, or all formulas. Raises `GpsearchError` where there is none."""
+    if names:
+        return [result.entry(name) for name in dict.fromkeys(names)]
+    if target.per_member and not result.formulas:
+        raise GpsearchError(f"{result.run.name}: no formula of its front is described yet; export it again later")
+    return list(result.formulas)
 
 
 def write_files(files: Mapping[str, str], output: Path | None) -> None:

@@ -9,9 +9,7 @@ from pathlib import Path
 import click
 from rich.console import Console
 
-from fitters.materials import load_material
 from fitters.models import warm_up
-from fitters.scenes import light_table
 from gpsearch import __version__
 from gpsearch.commands.estimate import estimate, not_converged
 from gpsearch.commands.progress import ProgressWatcher, duration, work
@@ -20,6 +18,7 @@ from gpsearch.configuration import Configuration, DaskExecutorSection, load_conf
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.pictures.front_plot import plot_front
 from gpsearch.run import Store, WritableStore, result_of
+from gpsearch.run.identity import identify, identify_tests
 from gpsearch.run.listing import result_text
 from gpsearch.run.lock import RunLock
 from gpsearch.run.store import FILE
@@ -82,7 +81,7 @@ def _store(lock: RunLock, configuration: Configuration) -> WritableStore:
         )
         conflicts = configuration.conflicts(before)
         if conflicts and not store.totals()[1]:
-            # Nothing was found yet: whoever mends a configuration that failed at its first launch starts anew.
+            # Nothing was found yet: a configuration that failed at its first launch may be mended.
             store.clear()
         elif conflicts:
             store.close()
@@ -97,39 +96,18 @@ def _store(lock: RunLock, configuration: Configuration) -> WritableStore:
     return store
 
 
-def _read_test_materials(store: Store, configuration: Configuration, console: Console) -> None:
-    """Reads those that nothing was fitted to yet. Raises `FittersError` now, not at the end of a long search."""
-    known = {reference for _, reference in store.transfers()}
-    with console.status("reading the test materials"):
-        for reference in configuration.test_materials:
-            if reference not in known:
-                load_material(reference, base=configuration.folder)
-
-
-def _integrate_light(store: WritableStore, configuration: Configuration, console: Console) -> None:
-    """Has the light table made, once for all workers of this machine, and keeps with the run which and how exact.
-
-    Raises `GpsearchError` where the run has found something under another one, as versions before tables
-    converged made them.
-    """
+def _identify(store: WritableStore, configuration: Configuration, console: Console) -> None:
+    """Has the light table made, once for all workers of this machine, and all materials read before the search."""
     with console.status("integrating the light"):
-        table = light_table(configuration.scene.recipe, base=configuration.folder)
-    if store.totals()[1] and store.meta("light_sha256") != table.sha256:
-        raise GpsearchError(
-            f"{store.path.parent}: this run was searched under another light table: its light or geometry has "
-            "changed, or an earlier gpsearch made it. Errors under two tables cannot be compared: begin anew "
-            "with another --run"
-        )
-    with store.transaction():
-        store.set_meta("light_sha256", table.sha256)
-        store.set_meta("light_distance", repr(table.distance))
+        table = identify(store, configuration)
     if not table.converged:
         console.print(f"warning: {not_converged(table)}")
+    with console.status("reading the test materials"):
+        identify_tests(store, configuration)
 
 
 def _search(planned: Plan, store: WritableStore, configuration: Configuration, console: Console) -> None:
-    _integrate_light(store, configuration, console)
-    _read_test_materials(store, configuration, console)
+    _identify(store, configuration, console)
     if not _is_remote(configuration):
         with console.status("loading the fit engine (compiled once on a machine, a minute)"):
             warm_up(name for name in planned.baselines if name not in store.baselines())

@@ -1,4 +1,4 @@
-"""`gpsearch stability`: every fitter against everything that is known to make fits fail."""
+"""`gpsearch stability`: every method of fitting on everything that is known to make fits fail."""
 
 import json
 import math
@@ -37,11 +37,11 @@ from workers import DaskSettings, Failure, Job, LocalSettings, Recipe, open_exec
 
 SCHEMA = "gpsearch-stability/1"
 FEW = 16
-"""So few trials are run in this process: others take seconds to start."""
+"""Up to this number of trials run in this process: starting other processes takes seconds."""
 
 
 class Names(click.ParamType):
-    """A list of known names with commas between them."""
+    """A list of known names, separated by commas."""
 
     name = "name,.."
 
@@ -66,12 +66,13 @@ def _listing() -> str:
     return f"\b\nMethods:\n{methods}\n\n\b\nHazards and their levels:\n{hazards}"
 
 
-HELP = f"""Tries every method of fitting on everything that is known to make fits fail, with a truth that is known.
+HELP = f"""Tries every method of fitting on what is known to make fits fail, where the truth is known.
 
-Leaves stability.json, stability.png and stability.svg in the folder of -o, and prints a line for each method and
-hazard where it fails. A fit fails whose error against the truth (light or compressive metric, all lit cells) is
-above {TIMES:g} times that of the same method on the undisturbed material, and above {LEAST:g}; which gets a known
-parameter wrong by more than {PARAMETER:.0%}; whose restarts end over {SPREAD:.0%} apart; or which is not there.
+Writes stability.json, stability.png and stability.svg into the folder of -o, and prints a line for each method and
+hazard where it fails. A fit fails if its error against the truth (light or compressive metric, all lit cells) is
+above {TIMES:g} times that of the same method on the undisturbed material, and above {LEAST:g}; if a known
+parameter is wrong by more than {PARAMETER:.0%}; if its restarts end over {SPREAD:.0%} apart; or if it raises an
+error.
 
 {_listing()}
 """
@@ -95,7 +96,7 @@ def stability(
     as_json: bool,
 ) -> None:
     console = Console(stderr=True, soft_wrap=True, markup=False, emoji=False, highlight=False)
-    # A material that cannot be read is refused here, once and not in every trial.
+    # A material that cannot be read is refused here, not in every trial.
     base = base_of(material)
     _make(folder)
     trials = trials_of(methods, hazards, seeds, material is not None)
@@ -139,7 +140,7 @@ def _run(trials: Sequence[Trial], material: str | None, console: Console) -> lis
     job = Job(_trial, Recipe(_reference, reference), trials, "trial", 2.0)
     results: dict[int, Any] = {}
     if not here:
-        # Processes that begin to fit at once would all compile the same.
+        # Processes that begin to fit at the same time would all compile the same functions.
         warm_up({trial.method for trial in trials} & set(MODELS))
     with (
         _progress(console) as progress,
@@ -158,7 +159,7 @@ def _run(trials: Sequence[Trial], material: str | None, console: Console) -> lis
 
 
 def _reference(reference: str | None) -> str | None:
-    """The context of a trial; what is heavy, the trial's own caches keep."""
+    """The context of a trial; the trial's own caches hold the heavy data."""
     return reference
 
 
@@ -167,7 +168,7 @@ def _trial(reference: str | None, trial: Trial) -> Outcome:
 
 
 def _absolute(material: str | None) -> str | None:
-    """A reference that means the same in any process."""
+    """A reference that has the same meaning in any process."""
     return material if material is None or ":" in material else str(Path(material).absolute())
 
 
@@ -184,7 +185,7 @@ def _progress(console: Console) -> Progress:
 
 
 def _entry(cell: Cell) -> dict[str, Any]:
-    """A cell as JSON, which knows no infinity."""
+    """A cell as JSON, which has no infinity."""
     return {name: _plain(value) for name, value in asdict(cell).items()}
 
 

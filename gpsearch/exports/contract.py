@@ -30,8 +30,8 @@ def check_file(name: str, file: str, text: str) -> None:
     assert re.fullmatch(r"[\w-][\w.-]*\.\w+", file), f"{name}: {file!r} is not a plain file name with a suffix"
     assert text.endswith("\n"), f"{name}: {file} does not end with a line"
     assert not text.endswith("\n\n"), f"{name}: {file} ends with an empty line"
-    found = RESERVED.search(text)
-    assert found is None, f"{name}: {file} holds {found and found[0]}, which is not a finite number"
+    number = RESERVED.search(text)
+    assert number is None, f"{name}: {file} holds {number and number[0]}, which is not a finite number"
 
 
 def check_members(target: Target, result: Result, files: Files) -> None:
@@ -44,7 +44,7 @@ def check_members(target: Target, result: Result, files: Files) -> None:
     together: dict[str, str] = {}
     for formula in result.formulas:
         alone = target.files(result, [formula])
-        assert alone, f"{name}: writes no file for {formula.id}"
+        assert alone, f"{name}: writes no file for {formula.name}"
         assert not alone.keys() & together.keys(), f"{name}: two formulas have a file of one name"
         together |= alone
     assert together == dict(files), f"{name}: the files of a formula depend on which others are written"

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from gpsearch.run import Formula, Result
+from gpsearch.run import Baseline, FoundFormula, Result
 
 Files = Mapping[str, str]
 """Text by the name of its file, in the order in which the files are listed."""
@@ -15,13 +15,14 @@ class Target:
 
     name:       the choice of `--format`
     meaning:    what is written, a line for the command's help
-    files:      of a result and some of its formulas, those that the user asked for
-    per_member: whether each formula has files of its own, or the files are about the whole run
+    files:      of a result and those of its entries that the user asked for, all formulas or some formulas and
+                baselines; raises `GpsearchError` for an entry that the format cannot express
+    per_member: whether each entry has files of its own, or the files are about the whole run
     """
 
     name: str
     meaning: str
-    files: Callable[[Result, Sequence[Formula]], Files]
+    files: Callable[[Result, Sequence[FoundFormula | Baseline]], Files]
     per_member: bool = False
 
 
@@ -30,10 +31,12 @@ def of_run(name: str, meaning: str, file: str, text: Callable[[Result], str]) ->
     return Target(name, meaning, lambda result, _: {file: text(result)})
 
 
-def of_member(name: str, meaning: str, suffix: str, text: Callable[[Result, Formula], str]) -> Target:
-    """A target that writes one file for each formula, called by the formula's id and `suffix`."""
+def of_member(
+    name: str, meaning: str, suffix: str, text: Callable[[Result, FoundFormula | Baseline], str]
+) -> Target:
+    """A target that writes one file for each entry, named by the entry's name and `suffix`."""
 
-    def files(result: Result, formulas: Sequence[Formula]) -> Files:
-        return {f"{formula.id}{suffix}": text(result, formula) for formula in formulas}
+    def files(result: Result, entries: Sequence[FoundFormula | Baseline]) -> Files:
+        return {f"{entry.name}{suffix}": text(result, entry) for entry in entries}
 
     return Target(name, meaning, files, per_member=True)

@@ -7,7 +7,8 @@ from fitters.errors import FittersError
 from fitters.materials import Material, load_material
 from fitters.models import Model
 from gpsearch.configuration import Configuration
-from gpsearch.run import Baseline, Formula, Result
+from gpsearch.run import Baseline, FoundFormula, Result
+from gpsearch.run.identity import require_content
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +19,7 @@ class Contender:
     warnings: about the fits to these materials
     """
 
-    entry: Formula | Baseline
+    entry: FoundFormula | Baseline
     models: Mapping[str, Model]
     warnings: tuple[str, ...] = ()
 
@@ -31,8 +32,11 @@ def materials_of(configuration: Configuration) -> tuple[Material, ...]:
 def load_contenders(result: Result, materials: Sequence[Material]) -> list[Contender]:
     """The entries of a result, in their order, with the models of some of its materials, also test materials.
 
-    Tables are read from the disk cache, or fitted again.
+    Tables are read from the disk cache, or fitted again. Raises `GpsearchError` where the content of a material is
+    not what it was in the run.
     """
+    for material in materials:
+        require_content(result.hashes, material, result.run.name)
     names = [material.name for material in materials]
     return [
         Contender(entry, _models(result, entry.name, materials), entry.warnings_about(names))

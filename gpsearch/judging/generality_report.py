@@ -41,28 +41,32 @@ class Generality:
 # for programs
 
 
-def generality_json(found: Generality) -> dict[str, Any]:
+def generality_json(report: Generality) -> dict[str, Any]:
     """Plain objects; what could not be fitted is null."""
     return {
-        "run": found.run,
-        "scene": {"name": found.scene.name, **asdict(found.scene.scene)},
-        "metric": found.metric,
-        "materials": list(found.train),
-        "test_materials": list(found.test),
+        "run": report.run,
+        "scene": {"name": report.scene.name, **asdict(report.scene.scene)},
+        "metric": report.metric,
+        "materials": list(report.train),
+        "test_materials": list(report.test),
         "metrics": {
-            ERROR: {"unit": "", "better": "lower", "protocol": f"the {found.metric} metric over three channels"},
+            ERROR: {
+                "unit": "",
+                "better": "lower",
+                "protocol": f"the {report.metric} metric over three channels",
+            },
             **{name: IMAGE_METRICS[name].describe() for name in IMAGES},
         },
-        "models": [_model_json(found, one) for one in found.models],
-        "member": found.member and _member_json(found, found.member),
+        "models": [_model_json(report, one) for one in report.models],
+        "member": report.member and _member_json(report, report.member),
     }
 
 
-def _model_json(found: Generality, one: Scored) -> dict[str, Any]:
+def _model_json(report: Generality, one: Scored) -> dict[str, Any]:
     entry = one.contender.entry
     below = {
-        name: {metric: one.mean_below(reference, found.test, metric) for metric in COMPARED}
-        for name, reference in found.references.items()
+        name: {metric: one.mean_below(reference, report.test, metric) for metric in COMPARED}
+        for name, reference in report.references.items()
     }
     return {
         "name": entry.name,
@@ -72,14 +76,14 @@ def _model_json(found: Generality, one: Scored) -> dict[str, Any]:
         "floats": entry.floats,
         "error": entry.error,
         "test_error": entry.test_error,
-        "train": {metric: one.mean(found.train, metric) for metric in (ERROR, *IMAGES)},
-        "test": {metric: one.mean(found.test, metric) for metric in (ERROR, *IMAGES)} | {"below": below},
+        "train": {metric: one.mean(report.train, metric) for metric in (ERROR, *IMAGES)},
+        "test": {metric: one.mean(report.test, metric) for metric in (ERROR, *IMAGES)} | {"below": below},
         "materials": {name: dict(scores) for name, scores in one.scores.items()},
         "warnings": list(one.contender.warnings),
     }
 
 
-def _member_json(found: Generality, member: Scored) -> dict[str, Any]:
+def _member_json(report: Generality, member: Scored) -> dict[str, Any]:
     return {
         "id": member.contender.entry.name,
         "expression": member.contender.entry.expression,
@@ -87,19 +91,19 @@ def _member_json(found: Generality, member: Scored) -> dict[str, Any]:
         "figures": {
             metric: {
                 name: {
-                    "materials": {material: _row(found, member, [material], metric) for material in materials},
-                    "average": _row(found, member, materials, metric),
+                    "materials": {material: _row(report, member, [material], metric) for material in materials},
+                    "average": _row(report, member, materials, metric),
                 }
-                for name, materials in found.sets.items()
+                for name, materials in report.sets.items()
             }
             for metric in ("l2", "1-ssim", ERROR)
         },
     }
 
 
-def _row(found: Generality, member: Scored, materials: Sequence[str], metric: str) -> dict[str, Any]:
+def _row(report: Generality, member: Scored, materials: Sequence[str], metric: str) -> dict[str, Any]:
     """A line of a figure: means over materials, and how far the member lies below the references."""
-    references = found.references
+    references = report.references
     return {
         **{name: reference.mean(materials, metric) for name, reference in references.items()},
         "new": member.mean(materials, metric),
@@ -110,49 +114,49 @@ def _row(found: Generality, member: Scored, materials: Sequence[str], metric: st
 # for readers
 
 
-def generality_text(found: Generality) -> str:
+def generality_text(report: Generality) -> str:
     """The table of all models, and that of the member by material."""
-    tables = [_models_text(found)] + ([_member_text(found, found.member)] if found.member else [])
+    tables = [_models_text(report)] + ([_member_text(report, report.member)] if report.member else [])
     return "\n".join(line.rstrip() for line in "\n\n".join(tables).splitlines())
 
 
-def _models_text(found: Generality) -> str:
-    width = max(len(_name(one)) for one in found.models)
+def _models_text(report: Generality) -> str:
+    width = max(len(_name(one)) for one in report.models)
     lines = [
-        f"{found.run}: train, {len(found.train)} materials of the search, beside test, {len(found.test)} others,"
-        f" under {found.scene.name}; means over materials",
+        f"{report.run}: train, {len(report.train)} materials of the search, beside test,"
+        f" {len(report.test)} others, under {report.scene.name}; means over materials",
         "below refitted CT (Cook-Torrance), GGX: 1 - new / reference on the test materials",
         "",
-        f"{'':{width}s} nodes   {_centred(f'error ({found.metric})', 15)}"
+        f"{'':{width}s} nodes   {_centred(f'error ({report.metric})', 15)}"
         + "".join(f"   {_centred(IMAGE_METRICS[name].label, 15)}" for name in ("l2", "1-ssim"))
         + "".join(f"   {_centred(f'below {SHORT[name]}', 20)}" for name in REFERENCES),
         f"{'':{width}s}      "
         + 3 * f"   {'train':>7s} {'test':>7s}"
         + 2 * f"   {'error':>6s} {'L2':>6s} {'1-SSIM':>6s}",
     ]
-    return "\n".join([*lines, *(_model_line(found, one, width) for one in found.models)])
+    return "\n".join([*lines, *(_model_line(report, one, width) for one in report.models)])
 
 
 def _name(one: Scored) -> str:
     return f"found {one.contender.entry.name}" if one.contender.entry.kind == FOUND else one.contender.entry.name
 
 
-def _model_line(found: Generality, one: Scored, width: int) -> str:
+def _model_line(report: Generality, one: Scored, width: int) -> str:
     text = f"{_name(one):{width}s} {one.contender.entry.nodes or '-':>5}"
     for metric in COMPARED:
-        text += f"   {_number(one.mean(found.train, metric))} {_number(one.mean(found.test, metric))}"
-    for reference in found.references.values():
+        text += f"   {_number(one.mean(report.train, metric))} {_number(one.mean(report.test, metric))}"
+    for reference in report.references.values():
         text += "  "
         for metric in COMPARED:
-            text += f" {_percent(one.mean_below(reference, found.test, metric))}"
+            text += f" {_percent(one.mean_below(reference, report.test, metric))}"
     return text
 
 
-def _member_text(found: Generality, member: Scored) -> str:
+def _member_text(report: Generality, member: Scored) -> str:
     """The figures side by side, as the paper has them."""
     figures, entry = ("l2", "1-ssim", ERROR), member.contender.entry
-    width = 2 + max(map(len, (*found.train, *found.test, "training set")))
-    titles = {name: IMAGE_METRICS[name].label for name in IMAGES} | {ERROR: f"error ({found.metric})"}
+    width = 2 + max(map(len, (*report.train, *report.test, "training set")))
+    titles = {name: IMAGE_METRICS[name].label for name in IMAGES} | {ERROR: f"error ({report.metric})"}
     columns = " ".join(f"{title:>7s}" for title in (*SHORT.values(), "new"))
     columns += "".join(f" {f'<{title}':>6s}" for title in SHORT.values())
     lines = [
@@ -162,11 +166,11 @@ def _member_text(found: Generality, member: Scored) -> str:
         f"{'':{width}s}" + "".join(f"   {_centred(titles[metric], len(columns))}" for metric in figures),
         f"{'':{width}s}" + f"   {columns}" * len(figures),
     ]
-    for title, materials in (("training set", found.train), ("testing set", found.test)):
+    for title, materials in (("training set", report.train), ("testing set", report.test)):
         rows = [(name, [name]) for name in materials] + [("average", list(materials))]
         lines.append(title)
         for name, group in rows:
-            cells = (_cells(_row(found, member, group, metric)) for metric in figures)
+            cells = (_cells(_row(report, member, group, metric)) for metric in figures)
             lines.append(f"  {name:{width - 2}s}" + "".join(f"   {cell}" for cell in cells))
     return "\n".join(lines)
 

@@ -57,9 +57,9 @@ def materials_of_run(configuration: Configuration) -> dict[NamedMaterial, str]:
 
 def require_different_names(materials: Iterable[NamedMaterial]) -> None:
     """Raises `GpsearchError` where two are called the same, or one is named twice."""
-    found: dict[str, NamedMaterial] = {}
+    named: dict[str, NamedMaterial] = {}
     for one in materials:
-        if (other := found.setdefault(one.name, one)) is not one:
+        if (other := named.setdefault(one.name, one)) is not one:
             alike = "is named twice" if one.reference == other.reference else f"is called as {other.reference} is"
             raise GpsearchError(f"--material {one.reference} {alike}; name each once, under a name of its own")
 

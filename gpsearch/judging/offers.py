@@ -34,7 +34,7 @@ class Offer:
     """Models of a contender as they would be used in a scene, and what the metrics say of them there.
 
     fitted_in:   `run` for as it is in the run, `scene` for refitted
-    nanoseconds: per call, of three channels; None where nobody asks
+    nanoseconds: per call, of three channels; None where it was not measured
     sharing:     of a formula's parameters; None for tables
     """
 
@@ -51,7 +51,7 @@ class Offer:
         return self.contender.entry.nodes or 0
 
     def numbers(self, materials: int) -> int:
-        """To store for so many materials."""
+        """Stored for a number of materials."""
         return self.sharing.numbers(materials) if self.sharing else self.contender.entry.floats * materials
 
     def words(self, materials: int) -> int:
@@ -69,23 +69,23 @@ class View:
         self._of_name = {material.name: material for material in materials}
         self._light = scene.light()
         self._sources = {material.name: Problem([material], self._light) for material in materials}
-        # The map of an image is large, and nobody's who asks for no image metric.
+        # The map of an image is large: it is made where an image metric is asked for.
         self._image = scene.image() if self._image_metrics else None
         self._truths = {m.name: self._image.of_material(m) for m in materials} if self._image else {}
 
     def values(self, model: Model, name: str) -> dict[str, float]:
         """What each metric of the tolerance says of a model of a material."""
-        material, found = self._of_name[name], {}
+        material, values = self._of_name[name], {}
         if LIGHT in self.tolerance.metrics:
-            found[LIGHT] = _mean(model_errors(self._sources[name], 0, model)[LIGHT])
+            values[LIGHT] = _mean(model_errors(self._sources[name], 0, model)[LIGHT])
         if self._image is not None:
             picture = self._image.of_model(model, material)
             for metric in self._image_metrics:
-                found[metric] = IMAGE_METRICS[metric].compare(self._truths[name], picture).value
+                values[metric] = IMAGE_METRICS[metric].compare(self._truths[name], picture).value
         if self._curved_metrics:
             compared = Compared(material, self._light, model_values(model, material).reshape(3, *SHAPE))
-            found |= {metric: METRICS[metric].measure(compared).value for metric in self._curved_metrics}
-        return found
+            values |= {metric: METRICS[metric].measure(compared).value for metric in self._curved_metrics}
+        return values
 
     def holds(self, model: Model, name: str) -> bool:
         return self.tolerance.holds(self.values(model, name))
@@ -115,12 +115,12 @@ class Refitter:
         expression, bounds = _expression(contender), self.bounds_of(contender)
         near = self.fit_of(contender.models, self.problem)
         job = FitJob((contender.entry.expression or "",), tuple((n, *b) for n, b in bounds.items()), self.settings)
-        found = confirm(self.problem, ConfirmJob(job, near.columns or None)).fit
-        found = polish(expression, self.problem.fine, self.problem.metric, bounds, found)
-        return _models(expression, found, self.problem.names)
+        fit = confirm(self.problem, ConfirmJob(job, near.columns or None)).fit
+        fit = polish(expression, self.problem.fine, self.problem.metric, bounds, fit)
+        return _models(expression, fit, self.problem.names)
 
     def fit_of(self, models: Mapping[str, Model], problem: Problem) -> Fit:
-        """Parameters of formula models as a fit to a problem's targets whose errors nobody knows."""
+        """Parameters of formula models as a fit to a problem's targets whose errors are unknown."""
         formulas = [models[name] for name in problem.names]
         values = np.concatenate([model.parameters for model in formulas if isinstance(model, FormulaModel)])
         expression = next(model.expression for model in formulas if isinstance(model, FormulaModel))
@@ -180,12 +180,12 @@ class Sharer:
             return all(self._view.holds(model, name) for name, model in _models(expression, tied, names).items())
 
         free = self._refitter.fit_of(offer.models, problem)
-        found = share(expression, problem, self._refitter.bounds_of(offer.contender), free, unnoticed)
-        if found.sharing == offer.sharing:
+        shared = share(expression, problem, self._refitter.bounds_of(offer.contender), free, unnoticed)
+        if shared.sharing == offer.sharing:
             return None
-        models = _models(expression, found.fit, names)
+        models = _models(expression, shared.fit, names)
         values = {name: self._view.values(model, name) for name, model in models.items()}
-        return replace(offer, fitted_in="scene", models=models, values=values, sharing=found.sharing)
+        return replace(offer, fitted_in="scene", models=models, values=values, sharing=shared.sharing)
 
 
 def measured_nanoseconds(contenders: Sequence[Contender]) -> dict[str, float]:

@@ -42,15 +42,13 @@ class ScenePicks:
     ) -> "ScenePicks":
         problem, paid = refitter.problem, {}
         if together is not None and together.offer.sharing is not None:
-            found, contender = refitter.fit_of(together.offer.models, problem), together.offer.contender
+            fit, contender = refitter.fit_of(together.offer.models, problem), together.offer.contender
             bounds = refitter.bounds_of(contender)
-            paid = prices(
-                parse(contender.entry.expression or ""), problem, bounds, found, refitter.settings, turned
-            )
+            paid = prices(parse(contender.entry.expression or ""), problem, bounds, fit, refitter.settings, turned)
         return cls(scene, offered, alone, together, reduction(problem), paid)
 
 
-def picks_json(found: Sequence[ScenePicks], tolerance: Tolerance, by: By) -> dict[str, Any]:
+def picks_json(scenes: Sequence[ScenePicks], tolerance: Tolerance, by: By) -> dict[str, Any]:
     """Plain objects; numbers that are infinite, of equal pictures, are null."""
     return {
         "tolerance": [asdict(limit) for limit in tolerance.limits],
@@ -64,7 +62,7 @@ def picks_json(found: Sequence[ScenePicks], tolerance: Tolerance, by: By) -> dic
                 "prices": {name: asdict(price) for name, price in one.prices.items()},
                 "models": [_offer_json(offer, tolerance) for offer in one.offered],
             }
-            for one in found
+            for one in scenes
         ],
     }
 
@@ -129,24 +127,24 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
-def picks_text(found: ScenePicks, tolerance: Tolerance, by: By) -> str:
+def picks_text(picks: ScenePicks, tolerance: Tolerance, by: By) -> str:
     """A table with a line for each material and one for all, the formulas, and what the scene leaves open."""
-    cells = found.reduction
-    rows = [*found.alone.items(), ("all with one model", found.together)]
+    cells = picks.reduction
+    rows = [*picks.alone.items(), ("all with one model", picks.together)]
     widest = max(len(name) for name, _ in rows)
     metrics = f"{'time':>10s}" if by == "speed" else ""
     metrics += "".join(f"{limit.metric:>14s}{'margin':>9s}" for limit in tolerance.limits)
     lines = [
-        f"{found.scene.name}: {tolerance}, the cheapest by {by}",
+        f"{picks.scene.name}: {tolerance}, the cheapest by {by}",
         f"{'':{widest}s}  {'model':32s}{'words':>8s}{'numbers':>9s}{metrics}",
     ]
     lines += [f"{name:{widest}s}  {_row(picked, tolerance)}" for name, picked in rows]
-    lines += _remarks(found)
+    lines += _remarks(picks)
     lines.append(
         f"{cells.lit:,} of {cells.measured:,} measured cells are lit; {cells.carrying[0.99]:,} of them carry 99 % "
         "of what is seen"
     )
-    for name, price in found.prices.items():
+    for name, price in picks.prices.items():
         beyond = f", {price.beyond:.4f} where the scene does not look" if cells.lit < cells.measured else ""
         lines.append(
             f"  the formula for all, free and fitted to {price.cells:,} cells ({name}): light error "
@@ -169,9 +167,9 @@ def _row(picked: Pick | None, tolerance: Tolerance) -> str:
     return row
 
 
-def _remarks(found: ScenePicks) -> list[str]:
+def _remarks(picks: ScenePicks) -> list[str]:
     """Every formula that was picked, once for each way in which its parameters are shared."""
-    offers = [picked.offer for picked in (*found.alone.values(), found.together) if picked is not None]
+    offers = [picked.offer for picked in (*picks.alone.values(), picks.together) if picked is not None]
     return list(dict.fromkeys(_formula(offer) for offer in offers if offer.sharing is not None))
 
 

@@ -8,7 +8,7 @@ from fitters.fitting import Problem, transfer
 from fitters.models import MaterialTask, summarise
 from gpsearch.configuration import Configuration
 from gpsearch.judging.materials import NamedMaterial
-from gpsearch.run import Baseline, Formula, FormulaBaseline, Result, Transfer
+from gpsearch.run import Baseline, FormulaBaseline, FoundFormula, Result, Transfer
 from gpsearch.run.loading import baseline_entry, fit_on_tests
 from gpsearch.run.result import FOUND
 from gpsearch.search.plan import Plan, plan, problem_recipe
@@ -16,14 +16,14 @@ from gpsearch.search.plan import Plan, plan, problem_recipe
 REFERENCES = ("cook-torrance", "ggx")
 """What every formula is compared with; the genBRDF paper has the first."""
 
-E = TypeVar("E", Formula, Baseline)
+E = TypeVar("E", FoundFormula, Baseline)
 Transfers = Mapping[tuple[str, str], Transfer]
 """By model, as `stored_name` names it, and by material's name."""
 
 
-def stored_name(entry: Formula | Baseline) -> str:
+def stored_name(entry: FoundFormula | Baseline) -> str:
     """What stores call a model: the name of a baseline, or the expression of what was found."""
-    return entry.expression if isinstance(entry, Formula) else entry.name
+    return entry.expression if isinstance(entry, FoundFormula) else entry.name
 
 
 def with_references(result: Result, configuration: Configuration) -> Result:
@@ -40,7 +40,7 @@ def with_references(result: Result, configuration: Configuration) -> Result:
 
 
 def transfers(
-    entries: Sequence[Formula | Baseline], materials: Sequence[NamedMaterial], configuration: Configuration
+    entries: Sequence[FoundFormula | Baseline], materials: Sequence[NamedMaterial], configuration: Configuration
 ) -> Iterator[tuple[tuple[str, str], Transfer]]:
     """The fits of entries to materials, one problem after the other."""
     recipe, planned = problem_recipe(configuration), plan(configuration)
@@ -50,7 +50,7 @@ def transfers(
             yield (stored_name(entry), material.name), _transfer(entry, problem, planned)
 
 
-def _transfer(entry: Formula | Baseline, problem: Problem, planned: Plan) -> Transfer:
+def _transfer(entry: FoundFormula | Baseline, problem: Problem, planned: Plan) -> Transfer:
     if entry.expression is None:
         return Transfer.of_table(summarise(problem, MaterialTask(entry.name, 0)), planned.metric)
     job = planned.job(entry.expression) if entry.kind == FOUND else planned.formula_job(entry.name)

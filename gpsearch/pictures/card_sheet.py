@@ -5,8 +5,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Circle
 
@@ -16,7 +14,7 @@ from fitters.judging.metrics import CARD_METRICS
 from fitters.rendering.picture import Picture, displayed, exposure
 from gpsearch.judging.cards import Shown
 from gpsearch.judging.contenders import Contender
-from gpsearch.pictures.front_plot import TEXT_COLOUR
+from gpsearch.pictures.theme import TEXT_COLOUR, new_figure, save
 
 COLUMNS = ("measured", "model", "error (FLIP)")
 ERROR_COLOURS = "magma"
@@ -33,8 +31,7 @@ def card_sheet(
     `tests` are the materials that the search was not on, and are called so. Pictures have the exposure of the
     measured one; the circle marks the worst region.
     """
-    figure = Figure(figsize=(8.6, 0.75 + 2.1 * len(shown)), dpi=130, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(8.6, 0.75 + 2.1 * len(shown), dpi=130)
     rows = figure.subplots(len(shown), 4, squeeze=False, width_ratios=(1, 1, 1.07, 1.15))
     highest = max(float(error_map(one.truth, one.picture).max()) for one in shown)
     for axes, one in zip(rows, shown, strict=True):
@@ -53,7 +50,7 @@ def card_sheet(
     for one_axes, title in zip(rows[0], COLUMNS, strict=False):
         one_axes.set_title(title, fontsize=8, color=TEXT_COLOUR)
     figure.suptitle(_title(contender, scene), fontsize=8.5, color=TEXT_COLOUR)
-    figure.savefig(path)
+    save(figure, [path])
 
 
 def _title(contender: Contender, scene: str) -> str:

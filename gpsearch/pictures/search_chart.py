@@ -7,16 +7,12 @@ from itertools import cycle
 from pathlib import Path
 from statistics import median
 
-import matplotlib as mpl
 import plotly.graph_objects as plotly
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from gpsearch.errors import GpsearchError
-from gpsearch.pictures.front_plot import FRONT_COLOUR, TEXT_COLOUR
-from gpsearch.pictures.reference_lines import FONT_POINTS, SPACING_POINTS, spread
+from gpsearch.pictures.labels import Label, name_beside
 from gpsearch.pictures.search_curves import Curve, SearchedRun, curves
+from gpsearch.pictures.theme import FOUND_COLOUR, TEXT_COLOUR, new_figure, save, style
 
 COLOURS = (
     *(
@@ -36,8 +32,8 @@ COLOURS = (
 """Of the searches after the first, which has the front's own."""
 
 COLUMNS = ("run", "name", "seed", "seconds", "error", "nodes", "hypervolume", "members")
-BESIDE = 1.03
-"""Where names begin, in widths of the axes."""
+GAP_POINTS = 14
+"""From the axes to the names."""
 HOVER = (
     "%{x:.1f} s: error %{y:.4f} at %{customdata[0]} nodes<br>front of %{customdata[1]}, hypervolume"
     " %{customdata[2]:.3f}<br>seed %{customdata[3]}"
@@ -66,10 +62,10 @@ def search_chart(runs: Sequence[SearchedRun], folder: Path) -> dict[str, Path]:
 
 def grouped(drawn: Sequence[Curve]) -> dict[str, list[Curve]]:
     """Curves by name, in their order."""
-    found: dict[str, list[Curve]] = {}
+    groups: dict[str, list[Curve]] = {}
     for curve in drawn:
-        found.setdefault(curve.name, []).append(curve)
-    return found
+        groups.setdefault(curve.name, []).append(curve)
+    return groups
 
 
 def points(curve: Curve) -> tuple[list[float], list[float]]:
@@ -100,17 +96,16 @@ def _title(first: SearchedRun, drawn: Sequence[Curve]) -> str:
 def _coloured(drawn: Sequence[Curve]) -> list[tuple[str, str, list[Curve]]]:
     """(name, colour, curves) of every search."""
     groups = grouped(drawn)
-    colours = [FRONT_COLOUR, *(colour for colour, _ in zip(cycle(COLOURS), groups, strict=False))]
-    return [(name, colour, found) for (name, found), colour in zip(groups.items(), colours, strict=False)]
+    colours = [FOUND_COLOUR, *(colour for colour, _ in zip(cycle(COLOURS), groups, strict=False))]
+    return [(name, colour, runs) for (name, runs), colour in zip(groups.items(), colours, strict=False)]
 
 
 def _draw(drawn: Sequence[Curve], title: str, files: dict[str, Path]) -> None:
-    figure = Figure(figsize=(8, 5), dpi=150, layout="constrained")
-    canvas = FigureCanvasAgg(figure)
+    figure = new_figure(8, 5)
     axes = figure.add_subplot()
     ends = []
-    for order, (name, colour, found) in enumerate(_coloured(drawn)):
-        seconds, errors = median_points(found)
+    for order, (name, colour, runs) in enumerate(_coloured(drawn)):
+        seconds, errors = median_points(runs)
         above = len(drawn) - order
         axes.step(
             seconds,
@@ -121,61 +116,28 @@ def _draw(drawn: Sequence[Curve], title: str, files: dict[str, Path]) -> None:
             zorder=2 + above,
             label=name,
         )
-        ends.append((name, colour, seconds[-1], errors[-1]))
-        for curve in found if len(found) > 1 else ():
+        ends.append((name, colour, (seconds[-1], errors[-1])))
+        for curve in runs if len(runs) > 1 else ():
             axes.step(*points(curve), where="post", color=colour, lw=0.6, alpha=0.35, zorder=1)
     axes.set_xscale("log")
     axes.set_yscale("log")
-    for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter("{x:g}")
-    axes.yaxis.set_minor_formatter("{x:g}")
-    axes.tick_params(which="both", labelsize=8, colors=TEXT_COLOUR)
+    style(axes, plain_numbers="xy")
     axes.set_xlabel(TIME)
     axes.set_ylabel(ERROR)
     axes.set_title(title, fontsize=10, color=TEXT_COLOUR)
-    axes.grid(True, which="major", lw=0.4, alpha=0.5)
     # Where names can stand is known once the figure is drawn; they make the axes narrower, but no lower.
-    canvas.draw()
-    _name(axes, ends, figure.dpi)
-    with mpl.rc_context({"svg.hashsalt": "gpsearch"}):
-        figure.savefig(files["png"])
-        figure.savefig(files["svg"], metadata={"Date": None})
-
-
-def _name(axes: Axes, ends: Sequence[tuple[str, str, float, float]], dpi: float) -> None:
-    """Names curves (name, colour, where it ends) beside the axes of a drawn figure, apart from each other."""
-    box = axes.get_window_extent()
-    order = sorted(ends, key=lambda end: end[3])
-    heights = axes.transData.transform([(x, y) for *_, x, y in order])[:, 1]
-    spacing = SPACING_POINTS * dpi / 72
-    places = (spread(heights, spacing, box.y0, box.y1) - box.y0) / box.height
-    for (name, colour, x, y), place in zip(order, places, strict=True):
-        axes.annotate(
-            name,
-            (x, y),
-            (BESIDE, place),
-            textcoords="axes fraction",
-            ha="left",
-            va="center",
-            fontsize=FONT_POINTS,
-            color=colour,
-            annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": colour,
-                "lw": 0.6,
-                "shrinkA": 1,
-                "shrinkB": 0,
-                "relpos": (0, 0.5),
-            },
-        )
+    figure.canvas.draw()
+    at = axes.transData.transform([end for *_, end in ends])
+    labels = [Label(name, x, y, colour) for (name, colour, _), (x, y) in zip(ends, at, strict=True)]
+    name_beside(axes, labels, gap=GAP_POINTS)
+    save(figure, [files["png"], files["svg"]])
 
 
 def _html(drawn: Sequence[Curve], title: str) -> str:
     """A page that needs no network: the chart, and under the pointer what the front was then."""
     figure = plotly.Figure()
-    for name, colour, found in _coloured(drawn):
-        for i, curve in enumerate(found):
+    for name, colour, runs in _coloured(drawn):
+        for i, curve in enumerate(runs):
             seconds, errors = points(curve)
             steps = [*curve.steps, curve.steps[-1]]
             figure.add_trace(

@@ -8,13 +8,14 @@ from fitters.fitting import RESIDUALS
 from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
 from gpsearch.run import Generation, Store, non_dominated
+from gpsearch.run.identity import ProblemIdentity
 
 UNTOLD = ("seed", "budget.", "executor", "name")
 """Keys in which runs of one name may differ and still be repetitions of one search."""
 
 
 @dataclass(frozen=True)
-class Step:
+class FrontStep:
     """The front from `seconds` of search on: its best error and that formula's size, hypervolume and members."""
 
     seconds: float
@@ -33,9 +34,9 @@ class Curve:
     seed: int
     seconds: float
     candidates: int
-    steps: tuple[Step, ...]
+    steps: tuple[FrontStep, ...]
 
-    def at(self, seconds: float) -> Step | None:
+    def at(self, seconds: float) -> FrontStep | None:
         """What holds at a time; None before there is a front."""
         return next((step for step in reversed(self.steps) if step.seconds <= seconds), None)
 
@@ -62,13 +63,14 @@ class SearchedRun:
 
     folder: Path
     configuration: Configuration
+    identity: ProblemIdentity | None
     generations: tuple[Generation, ...]
     seconds: float
 
     @classmethod
     def of(cls, folder: Path, store: Store, configuration: Configuration) -> "SearchedRun":
         """Raises `GpsearchError` where nothing is known of the front's history."""
-        # The front first: a run that is on its way can only add to the history of what was read.
+        # The front first: a run that is searching can only add to the history of what was read.
         front = {(member.nodes, member.error) for member in store.front().members}
         generations = tuple(store.generations())
         if not front:
@@ -76,15 +78,15 @@ class SearchedRun:
         if not front <= {point for generation in generations for point in generation.arrived}:
             raise GpsearchError(
                 f"{folder}: the run was begun by a version of gpsearch that did not note when the front was found;"
-                " launch its configuration anew with another --run"
+                " launch its configuration again with another --run"
             )
-        return cls(folder, configuration, generations, store.seconds)
+        return cls(folder, configuration, ProblemIdentity.of(store, configuration), generations, store.seconds)
 
     @property
     def arrivals(self) -> list[tuple[float, tuple[Point, ...]]]:
         """(seconds, members that came to the front), in order of time."""
-        found = [(g.at, g.arrived) for g in self.generations if g.arrived and g.at is not None]
-        return sorted(found, key=lambda arrival: arrival[0])
+        arrivals = [(g.at, g.arrived) for g in self.generations if g.arrived and g.at is not None]
+        return sorted(arrivals, key=lambda arrival: arrival[0])
 
     def curve(self, name: str, reference: Reference) -> Curve:
         front: list[Point] = []
@@ -94,7 +96,7 @@ class SearchedRun:
             if after != front:
                 front = after
                 nodes, error = front[-1]
-                steps.append(Step(seconds, error, nodes, hypervolume(front, reference), len(front)))
+                steps.append(FrontStep(seconds, error, nodes, hypervolume(front, reference), len(front)))
         candidates = sum(generation.candidates for generation in self.generations)
         return Curve(self.folder, name, self.configuration.seed, self.seconds, candidates, tuple(steps))
 
@@ -142,9 +144,15 @@ def _name(run: SearchedRun, runs: Sequence[SearchedRun]) -> str:
 
 
 def _require_same_problem(first: SearchedRun, other: SearchedRun) -> None:
-    """Errors count over the lit cells of materials: other ones have other errors."""
-    here, there = (_problem(run.configuration) for run in (first, other))
-    changed = [f"{key}: {there[key]} instead of {value}" for key, value in here.items() if there[key] != value]
+    """Errors count over the lit cells of materials: other ones have other errors.
+
+    Runs that have not stored their content hashes are compared by their configurations.
+    """
+    if first.identity and other.identity:
+        changed = first.identity.differences(other.identity)
+    else:
+        here, there = (_problem(run.configuration) for run in (first, other))
+        changed = [f"{key}: {there[key]} instead of {value}" for key, value in here.items() if there[key] != value]
     if changed:
         raise GpsearchError(
             f"{other.folder}: its errors cannot be compared with those of {first.folder}"

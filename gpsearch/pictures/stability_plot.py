@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LinearSegmentedColormap, LogNorm, Normalize
-from matplotlib.figure import Figure
 
 from fitters.stability import Cell
+from gpsearch.pictures.theme import TEXT_COLOUR, new_figure, save
 
-TEXT_COLOUR, NOTHING = "#333333", "#ececec"
+NOTHING = "#ececec"
 RATES = LinearSegmentedColormap.from_list("rates", ["#f4f8f4", "#f0c27b", "#c0392b"])
 SPREADS = LinearSegmentedColormap.from_list("spreads", ["#f4f6fa", "#7fa8d1", "#1b3f73"])
 LEAST_SPREAD, MOST_SPREAD = 1e-3, 10.0
@@ -35,8 +34,7 @@ def plot_stability(cells: Sequence[Cell], paths: Sequence[Path]) -> None:
     rows = list(dict.fromkeys(cell.method for cell in cells))
     columns = list(dict.fromkeys((cell.hazard, cell.level) for cell in cells))
     at = {(cell.method, (cell.hazard, cell.level)): cell for cell in cells}
-    figure = Figure(figsize=(0.42 * len(columns) + 3.2, 0.5 * len(rows) + 2.6), dpi=100, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(0.42 * len(columns) + 3.2, 0.5 * len(rows) + 2.6, dpi=100)
     upper, lower = figure.subplots(2, 1, sharex=True)
     rates, spreads = np.full((2, len(rows), len(columns)), np.nan)
     for i, method in enumerate(rows):
@@ -58,8 +56,7 @@ def plot_stability(cells: Sequence[Cell], paths: Sequence[Path]) -> None:
         "spread: (worst - best) / best error, over restarts, else over seeds; % of the best",
         fontsize=8, loc="left", color=TEXT_COLOUR,
     )  # fmt: skip
-    for path in paths:
-        figure.savefig(path)
+    save(figure, paths)
 
 
 def _draw(

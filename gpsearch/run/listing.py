@@ -5,7 +5,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gpsearch.run.result import Baseline, Entry, Formula, Result
+    from gpsearch.run.result import Baseline, Entry, FoundFormula, Result
 
 ROWS = 12
 """Members of the front that the text lists; the export has all."""
@@ -54,7 +54,7 @@ def result_html(result: "Result") -> str:
     tests = bool(run.test_materials)
     heads = ["nodes", f"error ({run.metric})", *(["test error"] if tests else []), "ns", "formula"]
 
-    def row(entry: "Formula | Baseline", text: str) -> str:
+    def row(entry: "FoundFormula | Baseline", text: str) -> str:
         numbers = [str(entry.nodes or ""), _html(entry.error), *([_html(entry.test_error)] if tests else [])]
         cells = [f"<td>{number}</td>" for number in (*numbers, f"{entry.cost_ns:.1f}")]
         return f'<tr>{"".join(cells)}<td style="text-align:left">{text}</td></tr>'

@@ -15,13 +15,15 @@ from fitters.models import Baseline as StoredBaseline
 from fitters.models import FormulaBaseline
 from gpsearch import __version__
 from gpsearch.configuration import Configuration, parse_configuration
+from gpsearch.configuration.materials import material_name
 from gpsearch.run.front import Member, non_dominated
+from gpsearch.run.identity import ProblemIdentity, stored_materials
 from gpsearch.run.result import (
     Baseline,
     Channels,
     Culling,
     FitOnTests,
-    Formula,
+    FoundFormula,
     Metrics,
     Origin,
     Parameters,
@@ -69,7 +71,7 @@ def result_of(store: Store, configuration: Configuration) -> Result:
         fits = {name: transfers.get((model, reference)) for name, reference in tests.items()}
         return fit_on_tests(fits, metric, symbols)
 
-    distance = store.meta("light_distance")
+    distance, identity = store.meta("light_distance"), ProblemIdentity.of(store, configuration)
     run = RunInformation(
         name=configuration.name,
         seed=configuration.seed,
@@ -79,6 +81,7 @@ def result_of(store: Store, configuration: Configuration) -> Result:
         test_materials=tuple(tests),
         scene=configuration.scene.recipe,
         light_distance=None if distance is None else float(distance),
+        problem_sha256=identity.sha256 if identity else None,
         metric=metric,
         generations=generations,
         candidates=candidates,
@@ -93,6 +96,7 @@ def result_of(store: Store, configuration: Configuration) -> Result:
             if name in baselines
         ),
         configuration=configuration,
+        hashes={material_name(reference): content for reference, content in stored_materials(store).items()},
         missing=len({member.expression for member in store.front().members} - store.descriptions().keys()),
     )
 
@@ -125,11 +129,11 @@ def _size_and_error(row: tuple[Member, Description, Culled]) -> tuple[float, flo
 
 def _formula(
     member: Member, before: Description, left: Culled, materials: Sequence[str], tested: FitsOnTests
-) -> Formula:
+) -> FoundFormula:
     description = left.description
     assert description is not None
     fit, checks = description.fit, description.checks
-    return Formula(
+    return FoundFormula(
         id=hashlib.sha256(left.expression.encode()).hexdigest()[:8],
         expression=left.expression,
         nodes=expressions.parse(left.expression).nodes,

@@ -3,8 +3,10 @@
 import json
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_origin
 
+import numpy as np
+from cattrs import Converter
 from cattrs.gen import make_dict_unstructure_fn, override
 
 from fitters.fitting import Fit
@@ -14,12 +16,26 @@ from gpsearch.evolution.island import Individual
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
 from gpsearch.genomes.genome import edit_json
-from gpsearch.run.converter import json_converter
 from gpsearch.run.front import Member
 
 FORMULA = "formula"
 
 T = TypeVar("T")
+
+
+def json_converter() -> Converter:
+    """A converter. Python's JSON writes floats so that they read back to the last bit, infinity too."""
+    converter = Converter(unstruct_collection_overrides={tuple: list})
+    converter.register_unstructure_hook_func(_is_array, np.ndarray.tolist)
+    converter.register_structure_hook_func(_is_array, lambda stored, _: np.array(stored, np.float64))
+    converter.register_unstructure_hook(Edit, edit_json)
+    converter.register_structure_hook(Edit, lambda stored, _: Genome.from_json("", [stored]).edits[0])
+    return converter
+
+
+def _is_array(kind: Any) -> bool:
+    return get_origin(kind) is np.ndarray or kind is np.ndarray
+
 
 _CONVERTER = json_converter()
 # A fit that was given up is not stored.

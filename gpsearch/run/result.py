@@ -24,8 +24,8 @@ from gpsearch.configuration import Configuration
 from gpsearch.errors import GpsearchError
 from gpsearch.genomes import Genome
 from gpsearch.genomes.edits import Edit
-from gpsearch.run.converter import json_converter
 from gpsearch.run.listing import result_html, result_text
+from gpsearch.run.records import json_converter
 
 SCHEMA = "gpsearch-front/1"
 FOUND, PUBLISHED = "found", "formula"
@@ -81,7 +81,7 @@ class FitOnTests:
 
 
 class Entry:
-    """A model of a result with its fit to every material: a `Formula` or a `Baseline`."""
+    """A model of a result with its fit to every material: a `FoundFormula` or a `Baseline`."""
 
     parameters: Parameters | None
     error: float | None
@@ -132,7 +132,7 @@ class Culling:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Formula(Entry):
+class FoundFormula(Entry):
     """A formula that was found.
 
     checks: `reciprocity` (largest relative difference), `minimum` (on lit cells, sr^-1) and `albedo_max`
@@ -212,13 +212,15 @@ class Result:
     baselines:     in the order of the configuration
     configuration: says where the materials are; None where the result was read from JSON
     missing:       members of the front that are not described yet, and so are not among the formulas
+    hashes:        of the content of materials, by name, as far as the run has stored them
     """
 
     run: RunInformation
-    formulas: tuple[Formula, ...]
+    formulas: tuple[FoundFormula, ...]
     baselines: tuple[Baseline, ...]
     configuration: Configuration | None = field(default=None, compare=False)
     missing: int = field(default=0, compare=False)
+    hashes: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     @property
     def source(self) -> Configuration:
@@ -228,11 +230,11 @@ class Result:
         return self.configuration
 
     @property
-    def entries(self) -> tuple[Formula | Baseline, ...]:
+    def entries(self) -> tuple[FoundFormula | Baseline, ...]:
         """The formulas, then the baselines."""
         return (*self.formulas, *self.baselines)
 
-    def entry(self, name: str) -> Formula | Baseline:
+    def entry(self, name: str) -> FoundFormula | Baseline:
         """The formula with an id, or the baseline with a name. Raises `GpsearchError` where there is neither."""
         for entry in self.entries:
             if entry.name == name:
@@ -247,12 +249,10 @@ class Result:
         `GpsearchError` for an unknown name, `FittersError` where the model could not be fitted to the material.
         """
         entry = self.entry(name)
-        called = material if isinstance(material, str) else material.name
-        if called not in entry.all_errors:
-            raise GpsearchError(
-                f"{self.run.name}: {called}: no such material; there are {', '.join(entry.all_errors)}"
-            )
-        if entry.parameters is None and isinstance(material, str):
+        called, known = material if isinstance(material, str) else material.name, entry.all_errors
+        if called not in known:
+            raise GpsearchError(f"{self.run.name}: no model is of {called!r}; there are {', '.join(known)}")
+        if entry.expression is None and isinstance(material, str):
             material = self._load(material)
         return model_of(entry, material)
 
@@ -296,7 +296,7 @@ class Result:
         return result_html(self)
 
 
-def model_of(entry: Formula | Baseline, material: str | Material) -> Model:
+def model_of(entry: FoundFormula | Baseline, material: str | Material) -> Model:
     """The model of a material; `material` is loaded where the entry is no formula. Raises `FittersError`."""
     name = material if isinstance(material, str) else material.name
     if entry.expression is None:
@@ -315,12 +315,13 @@ _NAMES: dict[type, dict[str, Any]] = {
     Culling: {"expression": override(rename="from")},
     FitOnTests: {},
     RunInformation: {},
-    Formula: {"edits": override(rename="genome")},
+    FoundFormula: {"edits": override(rename="genome")},
     Baseline: {},
     Result: {
         "formulas": override(rename="front"),
         "configuration": override(omit=True),
         "missing": override(omit=True),
+        "hashes": override(omit=True),
     },
 }
 """The types of front.json, inner ones first, with the fields that it names otherwise or does not hold."""

@@ -22,8 +22,7 @@ from fitters.models import Baseline as StoredBaseline
 from gpsearch import __version__
 from gpsearch.errors import GpsearchError
 from gpsearch.evolution.island import Island
-from gpsearch.run.front import Front, Member
-from gpsearch.run.known import Known
+from gpsearch.run.front import Front, Known, Member
 from gpsearch.run.records import read, read_baseline, read_individual, read_member, read_stages
 from gpsearch.run.transfers import Transfer
 

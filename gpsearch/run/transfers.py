@@ -27,9 +27,9 @@ class Transfer:
     @classmethod
     def of_formula(cls, description: Description) -> "Transfer":
         """Of a formula's fit to the channels of the material."""
-        found = description.fit
-        parameters = {name: tuple(values.tolist()) for name, values in found.columns.items()}
-        return cls(tuple(found.errors.tolist()), description.metrics, parameters, description.warnings)
+        fit = description.fit
+        parameters = {name: tuple(values.tolist()) for name, values in fit.columns.items()}
+        return cls(tuple(fit.errors.tolist()), description.metrics, parameters, description.warnings)
 
     @classmethod
     def of_table(cls, judged: FitSummary, metric: str) -> "Transfer":

@@ -18,8 +18,7 @@ from fitters.models import Baseline as StoredBaseline
 from gpsearch import __version__
 from gpsearch.errors import GpsearchError, StoreError
 from gpsearch.evolution.island import Island
-from gpsearch.run.front import Front, Member
-from gpsearch.run.known import Known
+from gpsearch.run.front import Front, Known, Member
 from gpsearch.run.lock import RunLock
 from gpsearch.run.records import plain, population_text, text_of
 from gpsearch.run.store import FILE, SCHEMA_VERSION, Generation, Quarantined, Store, checked

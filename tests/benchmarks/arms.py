@@ -111,7 +111,7 @@ ARMS = {
         Arm(
             "paper",
             {"cells": ALL_CELLS, "early_stopping": False, "warm_starts": False},
-            (WITHOUT_PROJECTION, WITHOUT_MEMORY, AS_SCREENED, (stages, "fit", fit_as_the_paper)),
+            (WITHOUT_PROJECTION, WITHOUT_MEMORY, AS_SCREENED, (stages, "fit_cells", fit_as_the_paper)),
         ),
     )
 }

@@ -2,17 +2,24 @@
 
 import json
 import os
+import pickle
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
+from numba.core.caching import NullCache
+from numba.core.ccallback import CFunc
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 
 from fitters import cache, compiled
 from fitters.backends import machine
 from fitters.backends.machine import run_scalars
+from fitters.engine import multistart
 from fitters.engine.warm import warm_up
 
 REPOSITORY = Path(__file__).parents[2]
@@ -53,6 +60,42 @@ print(json.dumps([found, sum(loaded) + _kernel().cache_hits]))
 """A fit of 0.5 z^1.5: prints the parameters and how many of the three functions it calls were loaded."""
 
 
+ADVICE = (
+    f"numba {numba.__version__} has changed what fitters/compiled.py relies on (see its docstring):"
+    " adapt it there and here, or lower numba's upper bound in pyproject.toml"
+)
+
+
+def test_numba_has_what_the_cache_relies_on():
+    """Asked for code before it is compiled, given it after; and code can be taken apart and put together again."""
+    asked = []
+
+    class Spy(NullCache):
+        def load_overload(self, signature, target_context):
+            asked.append(("load", signature))
+            assert callable(target_context.refresh), ADVICE
+            assert target_context.codegen().magic_tuple(), ADVICE
+
+        def save_overload(self, signature, result):
+            asked.append(("save", signature))
+            assert result.library.has_dynamic_globals is False, ADVICE
+            assert result.codegen.magic_tuple(), ADVICE
+            parts = pickle.loads(dumps(result._reduce()))
+            again = CompileResult._rebuild(result.target_context, *parts)
+            assert again.signature == result.signature, ADVICE
+
+    doubled = numba.njit(lambda x: 2 * x)
+    assert hasattr(doubled, "_cache"), ADVICE
+    doubled._cache = Spy()
+    assert doubled(1.5) == 3.0
+    tripled = CFunc(lambda x: 3 * x, ((numba.float64,), numba.float64), locals={}, options={})
+    assert hasattr(tripled, "_cache"), ADVICE
+    tripled._cache = Spy()
+    tripled.compile()
+    assert tripled.ctypes(1.5) == 4.5
+    assert [kind for kind, _ in asked] == ["load", "save", "load", "save"], ADVICE
+
+
 def start(script, folder):
     environment = os.environ | {"GPSEARCH_CACHE": str(folder)}
     command = [sys.executable, "-W", "error", "-c", script]
@@ -74,9 +117,10 @@ def warm(tmp_path_factory):
     """A cache with all that this session has compiled, in its own time or before."""
     warm_up()
     run_scalars(np.zeros((0, 4), np.int32), np.zeros(1))
-    source = compiled.folder(Path(machine.__file__).parent)
     folder = tmp_path_factory.mktemp("warm")
-    shutil.copytree(source, folder / source.name)
+    for module in (machine, multistart):
+        source = compiled.folder(Path(module.__file__).parent)
+        shutil.copytree(source, folder / source.name)
     return folder
 
 

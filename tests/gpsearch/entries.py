@@ -4,7 +4,7 @@ from typing import Any
 
 from fitters.scenes import Scene
 from gpsearch.genomes import Genome
-from gpsearch.run import Baseline, Formula, Result, RunInformation
+from gpsearch.run import Baseline, FoundFormula, Result, RunInformation
 from gpsearch.run.result import FOUND, FitOnTests, Origin
 
 
@@ -24,7 +24,7 @@ def information(**known: Any) -> RunInformation:
     return RunInformation(**(given | known))
 
 
-def formula(name: str, error: float, nodes: int = 11, **known: Any) -> Formula:
+def formula(name: str, error: float, nodes: int = 11, **known: Any) -> FoundFormula:
     genome = Genome("p0")
     given: dict[str, Any] = {
         "expression": "p0",
@@ -38,7 +38,7 @@ def formula(name: str, error: float, nodes: int = 11, **known: Any) -> Formula:
         "checks": {"reciprocity": 0.0, "minimum": 0.0, "albedo_max": 1.0},
         "warnings": (),
     }
-    return Formula(id=name, error=error, nodes=nodes, **(given | known))
+    return FoundFormula(id=name, error=error, nodes=nodes, **(given | known))
 
 
 def baseline(name: str, error: float | None, kind: str = "table", **known: Any) -> Baseline:
@@ -54,7 +54,7 @@ def baseline(name: str, error: float | None, kind: str = "table", **known: Any) 
     return Baseline(name=name, error=error, kind=kind, **(given | known))
 
 
-def entry(name: str, kind: str, error: float | None, **known: Any) -> Formula | Baseline:
+def entry(name: str, kind: str, error: float | None, **known: Any) -> FoundFormula | Baseline:
     """A formula that was found, or a baseline of another kind."""
     if kind == FOUND:
         assert error is not None
@@ -66,6 +66,6 @@ def on_tests(error: float | None) -> FitOnTests:
     return FitOnTests(error=error, errors={"b": (error,) * 3}, metrics={"light": error}, warnings=())
 
 
-def result(*entries: Formula | Baseline, **run: Any) -> Result:
-    formulas = tuple(one for one in entries if isinstance(one, Formula))
+def result(*entries: FoundFormula | Baseline, **run: Any) -> Result:
+    formulas = tuple(one for one in entries if isinstance(one, FoundFormula))
     return Result(information(**run), formulas, tuple(one for one in entries if isinstance(one, Baseline)))

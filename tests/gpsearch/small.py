@@ -12,10 +12,10 @@ from unittest.mock import patch
 
 import yaml
 
-from fitters.scenes import light_table
 from gpsearch.commands import main
 from gpsearch.configuration import Configuration, parse_configuration
 from gpsearch.run import Store, WritableStore
+from gpsearch.run.identity import identify
 from gpsearch.run.lock import RunLock
 from gpsearch.search.plan import plan
 from gpsearch.search.search import Search, SearchStatus
@@ -90,11 +90,7 @@ def run_search(
     if not (folder / "run.sqlite").exists():
         make_store(folder, configuration.text())
     with writing(folder) as store:
-        with store.transaction():
-            # As a launch does, so that one may go on with it.
-            store.set_meta(
-                "light_sha256", light_table(configuration.scene.recipe, base=configuration.folder).sha256
-            )
+        identify(store, configuration)
         Search(plan(configuration), store, executor or LocalExecutor(), watcher or Watching()).run()
     return Store.open(folder)
 

@@ -3,26 +3,7 @@
 from typing import NamedTuple
 
 from fitters.fitting import RESIDUALS
-from gpsearch.pictures.chart.models import AXES, MEASURED, Chart, Charted
-
-
-class Kind(NamedTuple):
-    """How a kind of model is drawn and named."""
-
-    label: str
-    colour: str
-
-
-KINDS = {
-    "found": Kind("found by the search", "#1f5fa8"),
-    "formula": Kind("published, refitted", "#c4572b"),
-    "factors": Kind("factor tables", "#7b6a9a"),
-    "table": Kind("table", "#4d8a6b"),
-    "power-iterations": Kind("power iterations", "#a88a2a"),
-    MEASURED: Kind("the measurement itself", "#555555"),
-}
-
-FRONT_COLOUR, TEXT_COLOUR, MARK_COLOUR = "#999999", "#333333", "#111111"
+from gpsearch.pictures.chart.models import AXES, Chart, Charted
 
 
 class Spot(NamedTuple):

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from fitters.judging.timing import Timing
 from gpsearch.judging.contenders import Contender
-from gpsearch.run import Baseline, Formula, RunInformation, non_dominated
+from gpsearch.run import Baseline, FoundFormula, RunInformation, non_dominated
 from gpsearch.run.result import FitOnTests
 
 MEASURED = "measured"
@@ -40,7 +40,7 @@ class Charted:
     unbeaten_together: whether no other beats it in the error and `TOGETHER`
     """
 
-    entry: Formula | Baseline
+    entry: FoundFormula | Baseline
     fit_seconds: float | None
     timing: Timing | None
     coherent: Timing | None

@@ -1,4 +1,4 @@
-"""The chart as a page: one file that needs no network, the same panels, every model's formula at hand."""
+"""The chart as a page: one file that needs no network, the same panels, with every model's formula."""
 
 import html
 import math
@@ -10,12 +10,13 @@ from typing import Any
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from gpsearch.pictures.chart.look import FRONT_COLOUR, KINDS, MARK_COLOUR, TEXT_COLOUR, Frame, digits, title
+from gpsearch.pictures.chart.look import Frame, digits, title
 from gpsearch.pictures.chart.models import AXES, Chart, Charted
+from gpsearch.pictures.theme import KINDS, MARK_COLOUR, QUIET_COLOUR, TEXT_COLOUR
 
 HOVER_COLUMNS = 90
 MARKERS = {"": "circle", "left": "triangle-left", "bottom": "triangle-down", "top": "triangle-up"}
-STEPS = {"color": FRONT_COLOUR, "width": 1, "shape": "hv"}
+STEPS = {"color": QUIET_COLOUR, "width": 1, "shape": "hv"}
 RING = {"size": 16, "color": "rgba(0,0,0,0)", "line": {"width": 1.2, "color": MARK_COLOUR}}
 TOGETHER_LABEL = "non-dominated in error, ns and floats together"
 
@@ -108,7 +109,7 @@ def _figure(chart: Chart) -> go.Figure:
     figure.update_yaxes(type="log", gridcolor="#e6e6e6", range=span, zeroline=False)
     figure.update_yaxes(tickvals=_ticks(frame.bottom, frame.top))
     figure.update_yaxes(title_text=f"error ({chart.run.metric} metric, relative)", row=1, col=1)
-    figure.add_vline(x=chart.empty.ns, line={"color": FRONT_COLOUR, "width": 1, "dash": "dot"}, row=1, col=1)
+    figure.add_vline(x=chart.empty.ns, line={"color": QUIET_COLOUR, "width": 1, "dash": "dot"}, row=1, col=1)
     figure.update_layout(
         template="plotly_white",
         font={"color": TEXT_COLOUR, "size": 12},

@@ -3,30 +3,18 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from gpsearch.pictures.chart.look import (
-    FRONT_COLOUR,
-    KINDS,
-    MARK_COLOUR,
-    TEXT_COLOUR,
-    Frame,
-    Spot,
-    digits,
-    edge_remark,
-    title,
-)
+from gpsearch.pictures.chart.look import Frame, Spot, digits, edge_remark, title
 from gpsearch.pictures.chart.models import AXES, Axis, Chart, Charted
-from gpsearch.pictures.reference_lines import spread
+from gpsearch.pictures.labels import FONT_POINTS, Label, name_beside
+from gpsearch.pictures.theme import KINDS, MARK_COLOUR, QUIET_COLOUR, TEXT_COLOUR, new_figure, save
 
 WIDTH_INCHES, HEIGHT_INCHES = 13.0, 5.6
-NAME_POINTS = 7
-SPACING_POINTS = 1.25 * NAME_POINTS
+SPACING_POINTS = 1.25 * FONT_POINTS
 """Between the middles of two names."""
 LEADER_POINTS = 22
 """From the last panel to the names."""
@@ -38,10 +26,7 @@ MARKERS = {"": "o", "left": "<", "bottom": "v", "top": "^"}
 
 def write_pictures(chart: Chart, paths: Sequence[Path]) -> None:
     """Writes the chart, in the image formats that the suffixes name."""
-    figure = drawn(chart)
-    for path in paths:
-        # Without a date the same chart is the same file.
-        figure.savefig(path, metadata={"Date": None} if path.suffix == ".svg" else None)
+    save(drawn(chart), paths)
 
 
 def drawn(chart: Chart) -> Figure:
@@ -49,8 +34,7 @@ def drawn(chart: Chart) -> Figure:
     # Higher where there are more names than fit beside the panels.
     names_inches = len(chart.fitted) * SPACING_POINTS / 72
     height = max(HEIGHT_INCHES, names_inches + 1.7)
-    figure = Figure(figsize=(WIDTH_INCHES, height), dpi=DPI)
-    canvas = FigureCanvasAgg(figure)
+    figure = new_figure(WIDTH_INCHES, height, dpi=DPI, layout=None)
     panels = list(figure.subplots(1, len(AXES), sharey=True))
     figure.subplots_adjust(left=0.06, right=0.84, top=1 - 0.55 / height, bottom=1.05 / height, wspace=0.09)
     for axes, axis in zip(panels, AXES, strict=True):
@@ -58,8 +42,8 @@ def drawn(chart: Chart) -> Figure:
     panels[0].set_ylabel(f"error ({chart.run.metric} metric, relative)", color=TEXT_COLOUR)
     figure.suptitle(title(chart), x=0.06, ha="left", fontsize=11, color=TEXT_COLOUR)
     _legend(figure, chart)
-    canvas.draw()
-    _name(panels[-1], chart, figure.dpi)
+    figure.canvas.draw()
+    _name(panels[-1], chart)
     return figure
 
 
@@ -71,7 +55,7 @@ def _draw(axes: Axes, axis: Axis, chart: Chart) -> None:
     axes.margins(x=0.08)
     steps = frame.steps(chart, axis.key)
     if steps:
-        axes.step(*zip(*steps, strict=True), where="post", color=FRONT_COLOUR, lw=1, zorder=1)
+        axes.step(*zip(*steps, strict=True), where="post", color=QUIET_COLOUR, lw=1, zorder=1)
     for model in chart.fitted:
         if model.cost(axis.key) is not None:
             spot = frame.spot(model, axis.key)
@@ -79,7 +63,7 @@ def _draw(axes: Axes, axis: Axis, chart: Chart) -> None:
             _mark_test(axes, spot, frame.test_spot(model, axis.key), KINDS[model.entry.kind].colour)
             _mark(axes, spot, model, filled=axis.key in model.unbeaten)
     if axis.key == "ns":
-        axes.axvline(chart.empty.ns, color=FRONT_COLOUR, lw=0.8, ls=(0, (1, 2)))
+        axes.axvline(chart.empty.ns, color=QUIET_COLOUR, lw=0.8, ls=(0, (1, 2)))
     axes.set_xlabel(axis.label, color=TEXT_COLOUR, fontsize=9)
     axes.xaxis.set_major_formatter(FuncFormatter(_plain))
     axes.xaxis.set_minor_formatter(_minor(*axes.get_xlim()))
@@ -125,37 +109,16 @@ def _minor(low: float, high: float) -> FuncFormatter:
     return FuncFormatter(lambda value, place: _plain(value, place) if f"{value:e}"[0] in shown else "")
 
 
-def _name(axes: Axes, chart: Chart, dpi: float) -> None:
+def _name(axes: Axes, chart: Chart) -> None:
     """Names at the right of the last panel, each led to the height of its error; the figure must be drawn."""
     frame, key = Frame(chart), AXES[-1].key
-    models = sorted(chart.fitted, key=lambda model: (model.error or 0.0, model.title))
-    box, points = axes.get_window_extent(), 72 / dpi
-    spots = [frame.spot(model, key) for model in models]
-    ends = np.array([axes.transData.transform((1, spot.y))[1] for spot in spots])
-    places = spread(ends * points, SPACING_POINTS, box.y0 * points, box.y1 * points)
-    for model, spot, end, place in zip(models, spots, ends, places, strict=True):
-        colour = KINDS[model.entry.kind].colour
-        axes.annotate(
-            model.title + edge_remark(model, spot),
-            (1, (end - box.y0) / box.height),
-            (LEADER_POINTS, place - end * points),
-            xycoords="axes fraction",
-            textcoords="offset points",
-            ha="left",
-            va="center",
-            fontsize=NAME_POINTS,
-            color=colour,
-            fontweight="bold" if model.unbeaten_together else "normal",
-            annotation_clip=False,
-            arrowprops={
-                "arrowstyle": "-",
-                "color": colour,
-                "lw": 0.5,
-                "shrinkA": 1,
-                "shrinkB": 0,
-                "relpos": (0, 0.5),
-            },
-        )
+    edge, labels = axes.get_window_extent().x1, []
+    for model in sorted(chart.fitted, key=lambda model: (model.error or 0.0, model.title)):
+        spot = frame.spot(model, key)
+        height = axes.transData.transform((1, spot.y))[1]
+        text, colour = model.title + edge_remark(model, spot), KINDS[model.entry.kind].colour
+        labels.append(Label(text, edge, height, colour, bold=model.unbeaten_together))
+    name_beside(axes, labels, gap=LEADER_POINTS, spacing=SPACING_POINTS)
 
 
 def _legend(figure: Figure, chart: Chart) -> None:
@@ -166,12 +129,12 @@ def _legend(figure: Figure, chart: Chart) -> None:
     handles = [entry(kind.label, color=kind.colour) for name, kind in KINDS.items() if name in there]
     handles += [
         entry("another model is better in both", mfc="white", mec=TEXT_COLOUR),
-        Line2D([], [], color=FRONT_COLOUR, lw=1, label="non-dominated"),
+        Line2D([], [], color=QUIET_COLOUR, lw=1, label="non-dominated"),
         Line2D(
             [], [], ls="none", marker="o", ms=RING_POINTS - 2, mfc="none", mec=MARK_COLOUR, mew=0.8,
             label="non-dominated in error, ns and floats together",
         ),
-        Line2D([], [], color=FRONT_COLOUR, lw=0.8, ls=(0, (1, 2)), label="an empty call"),
+        Line2D([], [], color=QUIET_COLOUR, lw=0.8, ls=(0, (1, 2)), label="an empty call"),
     ]  # fmt: skip
     if chart.run.test_materials:
         handles.append(

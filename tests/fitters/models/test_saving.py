@@ -4,29 +4,37 @@ import numpy as np
 import pytest
 
 from fitters.errors import FittersError
-from fitters.models import KINDS, load
-from tests.fitters.models.conftest import FITS, GLOSSY, save
-from tests.fitters.models.sphere import random_directions
+from fitters.models import KINDS, Fitted, MaterialFit, load
+from fitters.testing.sphere import random_directions
+from tests.fitters.models.conftest import GLOSSY, ROUGH, save
 
 
-def test_a_saved_model_is_the_same_model(model, tmp_path):
-    save(model, tmp_path / "model.npz")
-    loaded = load(tmp_path / "model.npz").model
+def test_a_file_of_one_model_and_no_report_is_read(fitted, tmp_path):
+    """As gpsearch 0.1 wrote it."""
+    model = fitted("npf-naive", GLOSSY)
+    arrays = {"kind": np.array(model.kind), "fit_seconds": np.array(1.5), **model.arrays()}
+    np.savez_compressed(tmp_path / "steel.npz", **arrays)
+    loaded = load(tmp_path / "steel.npz")
+    assert (loaded.name, loaded.materials, loaded.fit_seconds) == ("npf-naive", ("steel",), 1.5)
     w_i, w_o = random_directions(500, 1), random_directions(500, 2)
-    u = np.random.default_rng(1).random((500, 3))
-    assert type(loaded) is type(model)
-    assert (loaded.floats, loaded.reciprocal, loaded.fit_seconds) == (
-        model.floats,
-        model.reciprocal,
-        model.fit_seconds,
-    )
     np.testing.assert_array_equal(loaded.evaluate(w_i, w_o), model.evaluate(w_i, w_o))
-    np.testing.assert_array_equal(loaded.sample(w_o, u), model.sample(w_o, u))
-    np.testing.assert_array_equal(loaded.pdf(w_i, w_o), model.pdf(w_i, w_o))
+    with pytest.raises(FittersError, match="does not say its error"):
+        _ = loaded.error
 
 
-def test_every_kind_is_tested(fitted):
-    assert {type(fitted(name, GLOSSY)) for name in FITS} == set(KINDS.values())
+def test_several_materials_are_in_one_file(fitted, tmp_path):
+    models = {"a": fitted("ggx", GLOSSY), "b": fitted("ggx", ROUGH)}
+    fits = {name: MaterialFit(model) for name, model in models.items()}
+    errors = dict.fromkeys(models, (0.1, 0.2, 0.3))
+    Fitted("ggx", fits, "light", errors, {"light": 0.2}, 1.0, ("a: odd",)).save(tmp_path / "both.npz")
+    loaded = load(tmp_path / "both.npz")
+    assert (loaded.materials, loaded.errors, loaded.warnings) == (("a", "b"), errors, ("a: odd",))
+    for name, model in models.items():
+        np.testing.assert_array_equal(loaded[name].parameters, model.parameters)
+    with pytest.raises(FittersError, match=r'choose one, fitted\["a"\]'):
+        _ = loaded.model
+    with pytest.raises(FittersError, match="not fitted to 'c': there is a, b"):
+        _ = loaded["c"]
 
 
 @pytest.fixture
@@ -108,8 +116,8 @@ def test_arrays_that_make_no_model_are_refused(saved, changes, words):
 @pytest.mark.parametrize(
     ("name", "changes"),
     [
-        ("measured-table", {"table": np.full((3, 90, 90, 180), -1, np.float32)}),
-        ("measured-table", {"table": np.ones(3, np.float32)}),
+        ("measured", {"table": np.full((3, 90, 90, 180), -1, np.float32)}),
+        ("measured", {"table": np.ones(3, np.float32)}),
         ("ggx", {"parameters": np.ones((3, 2))}),
         ("ggx", {"expression": np.array("p0 + import")}),
         ("power-iterations", {"P": np.ones(80)}),

@@ -13,7 +13,7 @@ from fitters.rendering.maps import mapped
 from fitters.rendering.shared_exponent import packed_row, unpacked
 from fitters.scenes import EnvironmentMap, Scene, light_table
 from fitters.scenes.geometry import Geometry, sphere
-from tests.fitters.models.sphere import directions
+from fitters.testing.sphere import directions
 
 
 def image_of(light, geometry, **numbers):

@@ -45,9 +45,9 @@ def test_all_files_are_there(charted):
 def test_the_picture_has_something_on_it(charted):
     picture = image.imread(charted[0] / "search.png")
     assert picture.shape[:2] == (750, 1200)
-    colours = {tuple((255 * pixel).astype(int)) for pixel in picture[::3, ::3, :3].reshape(-1, 3)}
-    assert (0x1F, 0x5F, 0xA8) in colours
-    assert (0xC4, 0x57, 0x2B) in colours
+    pixels = (255 * picture[..., :3]).astype(int)
+    assert (pixels == (0x1F, 0x5F, 0xA8)).all(axis=2).any()
+    assert (pixels == (0xC4, 0x57, 0x2B)).all(axis=2).any()
 
 
 def test_the_print_version_names_the_searches(charted):

@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 from gpsearch.commands import export as command
+from gpsearch.errors import GpsearchError
 from gpsearch.exports import TARGETS
 from gpsearch.exports.contract import check_target
 from gpsearch.exports.targets import Target, of_member, of_run
@@ -14,7 +15,7 @@ from tests.gpsearch.entries import baseline, formula, result
 RESULT = result(
     formula("f00d", 0.3, 5), formula("beef", 0.2, 9), baseline("bivariate", 0.1), baseline("dark", None)
 )
-SHEETS = of_member("sheets", "a line for each formula", ".txt", lambda _, one: f"{one.id} {one.expression}\n")
+SHEETS = of_member("sheets", "a line for each formula", ".txt", lambda _, one: f"{one.name} {one.expression}\n")
 
 
 @pytest.mark.parametrize("name", TARGETS)
@@ -78,11 +79,20 @@ def test_one_member_goes_to_standard_output_and_all_into_a_folder(sheets, tmp_pa
     assert (tmp_path / "one.txt").read_text() == "f00d p0\n"
 
 
+def test_a_baseline_is_written_where_it_is_named(sheets):
+    assert sheets("--format", "sheets", "--member", "bivariate").stdout == "bivariate None\n"
+
+
+def test_a_member_that_is_not_there_is_refused_with_those_that_are(sheets):
+    error = sheets("--format", "sheets", "--member", "cafe").exception
+    assert isinstance(error, GpsearchError)
+    assert "no model 'cafe'; there are f00d, beef, bivariate, dark" in str(error)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (("--format", "sheets"), "2 files need a folder"),
-        (("--format", "sheets", "--member", "cafe"), "there is no cafe; the front has f00d, beef"),
         (("--member", "beef"), "json is about the whole run"),
         (("--format", "xml"), "'xml' is not one of 'json', "),
     ],

@@ -10,7 +10,7 @@ from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 
 from gpsearch.pictures.front_plot import plot_front
-from gpsearch.pictures.reference_lines import spread
+from gpsearch.pictures.labels import spread
 from tests.gpsearch.entries import baseline, formula, result
 
 

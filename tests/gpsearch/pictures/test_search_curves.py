@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gpsearch.errors import GpsearchError
 from gpsearch.pictures.search_chart import grouped, median_points
-from gpsearch.pictures.search_curves import Curve, Reference, SearchedRun, Step, curves, hypervolume
+from gpsearch.pictures.search_curves import Curve, FrontStep, Reference, SearchedRun, curves, hypervolume
 from gpsearch.run import Front, Generation, Store, non_dominated
 from gpsearch.run.records import read_stages
 from tests.gpsearch.small import Watching, make_store, run_search, small, writing
@@ -102,11 +102,11 @@ def generation(at, arrived):
 
 def run_of(folder, arrived, seconds=10.0, at=1.0, **changes):
     folder.mkdir(exist_ok=True)
-    return SearchedRun(folder, small(folder, **changes), (generation(at, arrived),), seconds)
+    return SearchedRun(folder, small(folder, **changes), None, (generation(at, arrived),), seconds)
 
 
 def test_an_error_is_reached_when_something_first_has_it(tmp_path):
-    steps = (Step(1.0, 0.5, 5, 0.1, 1), Step(4.0, 0.2, 9, 0.2, 2))
+    steps = (FrontStep(1.0, 0.5, 5, 0.1, 1), FrontStep(4.0, 0.2, 9, 0.2, 2))
     curve = Curve(tmp_path, "a", 0, 10.0, 100, steps)
     assert [curve.first_below(error) for error in (0.6, 0.5, 0.3, 0.1)] == [1.0, 1.0, 4.0, None]
     assert [curve.at(seconds) for seconds in (0.5, 1.0, 3.9, 9.0)] == [None, steps[0], steps[0], steps[1]]
@@ -114,7 +114,7 @@ def test_an_error_is_reached_when_something_first_has_it(tmp_path):
 
 def test_the_median_of_repetitions_counts_while_all_of_them_run(tmp_path):
     def curve(seconds, *steps):
-        return Curve(tmp_path, "a", 0, seconds, 1, tuple(Step(at, error, 5, 0.1, 1) for at, error in steps))
+        return Curve(tmp_path, "a", 0, seconds, 1, tuple(FrontStep(at, error, 5, 0.1, 1) for at, error in steps))
 
     repetitions = [curve(10, (1, 0.5), (3, 0.1)), curve(9, (2, 0.4)), curve(20, (1, 0.9), (4, 0.3))]
     assert median_points(repetitions) == ([2, 3, 4, 9], [0.5, 0.4, 0.3, 0.3])
@@ -145,7 +145,7 @@ def test_a_run_of_a_version_that_noted_no_times_is_refused(tmp_path):
             older._connection.execute("UPDATE generations SET stages = ?", (json.dumps(row.stages),))
     assert all((row.at, row.arrived) == (None, ()) and row.stages for row in store.generations())
     with pytest.raises(
-        GpsearchError, match="did not note when the front was found; launch its configuration anew"
+        GpsearchError, match="did not note when the front was found; launch its configuration again"
     ):
         SearchedRun.of(tmp_path / "run", store, configuration)
     store.close()

@@ -6,21 +6,26 @@ Every direction w_i is the mirror image of w_o at one upper half vector h; d ome
 import numpy as np
 from scipy.stats import chisquare
 
+from fitters.grid import Array
+from fitters.models.model import Model
+
 RINGS, SECTORS = 720, 288
 PATCH_RINGS, PATCH_SECTORS = 18, 12
 
 
-def direction(theta, phi=0.0):
+def direction(theta: Array | float, phi: Array | float = 0.0) -> Array:
+    """Unit vectors (..., 3) at polar angles theta from the normal and azimuths phi, radians."""
     theta, phi = np.broadcast_arrays(theta, phi)
     return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
 
 
-def random_directions(count, seed, least_cos=0.02):
+def random_directions(count: int, seed: int, least_cos: float = 0.02) -> Array:
+    """Unit vectors (count, 3), their cosines uniform from `least_cos` to 1."""
     random = np.random.default_rng(seed)
     return direction(np.arccos(random.uniform(least_cos, 1, count)), random.uniform(0, 2 * np.pi, count))
 
 
-def directions(w_o):
+def directions(w_o: Array) -> tuple[Array, Array]:
     """w_i (n, 3) and their solid angles (n,) for one view, rings of half vectors even in sqrt(theta_half)."""
     u = (np.arange(RINGS) + 0.5) / RINGS
     phi = (np.arange(SECTORS) + 0.5) / SECTORS * 2 * np.pi
@@ -32,7 +37,7 @@ def directions(w_o):
     return 2 * cos_d[:, None] * half - w_o, 4 * np.abs(cos_d) * solid_angle
 
 
-def p_value(model, w_o, w_i):
+def p_value(model: Model, w_o: Array, w_i: Array) -> float:
     """Of the chi-square test that samples w_i (n, 3) for one view have the model's density.
 
     Patches of half vectors, those of directions below the horizon included; rare ones are counted as one.
@@ -49,14 +54,14 @@ def p_value(model, w_o, w_i):
         expected = np.append(expected[~rare], expected[rare].sum())
         observed = np.append(observed[~rare], observed[rare].sum())
     if expected[-1] < 5:
-        # What is rare altogether is told from nothing by its own bound only.
+        # Patches that are rare even together have a bound of their own.
         assert observed[-1] < 25
         expected, observed = expected[:-1], observed[:-1]
         expected = expected * (observed.sum() / expected.sum())
-    return chisquare(observed, expected).pvalue
+    return float(chisquare(observed, expected).pvalue)
 
 
-def _patch(half):
+def _patch(half: Array) -> Array:
     upper = np.where(half[:, 2:] < 0, -half, half)
     theta = np.arctan2(np.hypot(upper[:, 0], upper[:, 1]), upper[:, 2])
     ring = np.minimum((np.sqrt(theta / (np.pi / 2)) * PATCH_RINGS).astype(int), PATCH_RINGS - 1)
