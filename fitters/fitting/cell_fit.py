@@ -31,7 +31,7 @@ STEP = 0.5
 
 
 HOPELESS, POOR = 1.5, 1.05
-"""A fit with a bar is given up where its error on the coarse cells is above so many times the bar.
+"""A fit with a bar is given up where its error on the coarse cells is above this multiple of the bar.
 
 HOPELESS after the first descent of every target, POOR after the last. `python -m tests.benchmarks.engine stopping`
 counts what that costs: of 1,744 recorded candidates 45 % are given up, 37 of them though they would have met the
@@ -81,10 +81,10 @@ def fit_cells(
 ) -> Fit:
     """The fit of an expression over the cells, by Nelder-Mead over what is not linear in it (genBRDF, 3.6).
 
-    near: parameters, each (targets,), from which every target may descend once more; they are a gift: what is
-          found without them depends on the expression alone, and they can only lower it
+    near: parameters, each (targets,), from which every target descends once more: this can only lower the
+          error, and the descents without them stay as they are
     bar:  an error; a fit that will not come near it is given up, see `HOPELESS`
-    shift: another number has other starts, for whoever asks how much they matter
+    shift: another number has other starts, to measure how much starts matter
 
     Raises `FittersError` where a parameter of the expression has no bounds. Never raises for a formula that is
     not finite: its error is infinite.
@@ -94,11 +94,11 @@ def fit_cells(
     starts = _starts(expression, problem.box, settings.starts, shift)
     warm = np.empty((0, problem.searched)) if near is None else problem.coordinates(near)
     limits = (metric.squares(factor * bar, len(cells.weights)) for factor in (HOPELESS, POOR))
-    found = problem.fit(starts, warm, _descent(settings, problem.searched, *limits))
-    if not found.finished:
-        return _stated(problem, metric, found)
-    found = problem.polish(_descent(settings, problem.searched), found)
-    return _sampled(problem, cells, found, _stated(problem, metric, found))
+    optima = problem.fit(starts, warm, _descent(settings, problem.searched, *limits))
+    if not optima.finished:
+        return _stated(problem, metric, optima)
+    optima = problem.polish(_descent(settings, problem.searched), optima)
+    return _sampled(problem, cells, optima, _stated(problem, metric, optima))
 
 
 def refit_cells(
@@ -113,12 +113,12 @@ def refit_cells(
 ) -> Fit:
     """The fit over other cells, all of them as a rule, by one descent from parameters that are there.
 
-    `evaluations` per searched parameter; with 0 only the linear parameters are solved anew.
+    `evaluations` per searched parameter; with 0 only the linear parameters are solved again.
     """
     problem = _prepared(expression, cells, bounds)
     descent = _descent(replace(settings, evaluations=evaluations), problem.searched)
-    found = problem.polish(descent, problem.optima(problem.coordinates(near)))
-    return _sampled(problem, cells, found, _stated(problem, metric, found))
+    optima = problem.polish(descent, problem.optima(problem.coordinates(near)))
+    return _sampled(problem, cells, optima, _stated(problem, metric, optima))
 
 
 def _descent(settings: FitSettings, searched: int, hopeless: float = np.inf, poor: float = np.inf) -> Descent:
@@ -134,26 +134,26 @@ def _prepared(expression: Expression, cells: Cells, bounds: Bounds) -> Prepared:
     return Prepared(expression, cells.features, cells.weights, cells.targets, bounds, coarse, cells.units)
 
 
-def _stated(problem: Prepared, metric: Residual, found: Optima) -> Fit:
+def _stated(problem: Prepared, metric: Residual, optima: Optima) -> Fit:
     """Optima in the expression's own parameters."""
-    parameters = problem.parameters(found)
-    values = np.stack(list(parameters.values()), axis=1) if parameters else np.empty((len(found.value), 0))
-    errors = np.sqrt(found.value)
+    parameters = problem.parameters(optima)
+    values = np.stack(list(parameters.values()), axis=1) if parameters else np.empty((len(optima.value), 0))
+    errors = np.sqrt(optima.value)
     return Fit(
         names=tuple(parameters),
         values=np.asarray(values, np.float64),
         errors=errors,
         error=metric.combine(errors),
-        evaluations=found.evaluations,
-        finished=found.finished,
+        evaluations=optima.evaluations,
+        finished=optima.finished,
     )
 
 
-def _sampled(problem: Prepared, cells: Cells, found: Optima, fitted: Fit) -> Fit:
+def _sampled(problem: Prepared, cells: Cells, optima: Optima, fitted: Fit) -> Fit:
     """The fit with its standard error, where the cells are a sample."""
     if cells.draws is None or not np.isfinite(fitted.error):
         return fitted
-    return replace(fitted, standard_error=_standard_error(problem.squares(found), cells, fitted.error))
+    return replace(fitted, standard_error=_standard_error(problem.squares(optima), cells, fitted.error))
 
 
 def _standard_error(squares: Array, cells: Cells, error: float) -> float:

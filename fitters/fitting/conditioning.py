@@ -44,10 +44,10 @@ class Conditioning:
     at_bounds: dict[str, float]
 
 
-def conditioning(expression: Expression, cells: Cells, bounds: Bounds, found: Fit) -> list[Conditioning]:
+def conditioning(expression: Expression, cells: Cells, bounds: Bounds, fit: Fit) -> list[Conditioning]:
     """Of every target of a fit, on some cells."""
     problems = targets_of(expression, cells, bounds)
-    return [_of_target(problem, bounds, found.parameters(target)) for target, problem in enumerate(problems)]
+    return [_of_target(problem, bounds, fit.parameters(target)) for target, problem in enumerate(problems)]
 
 
 def _of_target(problem: TargetSquares, bounds: Bounds, parameters: dict[str, float]) -> Conditioning:

@@ -31,13 +31,13 @@ class ExactErrors:
     minimum: float
 
 
-def exact_errors(expression: Expression, problem: Problem, found: Fit) -> ExactErrors:
+def exact_errors(expression: Expression, problem: Problem, fit: Fit) -> ExactErrors:
     """The errors of a fit over all cells of a problem, by every metric, evaluated in float64 with NumPy."""
     errors = {name: np.empty(len(problem.targets)) for name in RESIDUALS}
     minimum = np.inf
     for first in range(0, len(problem.targets), len(CHANNELS)):
         of_material = range(first, first + len(CHANNELS))
-        for target, values in zip(of_material, _values(expression, problem, found, of_material), strict=True):
+        for target, values in zip(of_material, _values(expression, problem, fit, of_material), strict=True):
             minimum = min(minimum, float(values.min()))
             for name, metric in RESIDUALS.items():
                 weights, targets = _rows(problem, metric, target)
@@ -47,11 +47,11 @@ def exact_errors(expression: Expression, problem: Problem, found: Fit) -> ExactE
     return ExactErrors(errors, minimum)
 
 
-def _values(expression: Expression, problem: Problem, found: Fit, targets: Sequence[int]) -> Array:
+def _values(expression: Expression, problem: Problem, fit: Fit, targets: Sequence[int]) -> Array:
     """The formula (targets, n) on all cells, block by block: a long formula has many values in between."""
     features, count = problem.full.features, len(problem.full)
     values = np.empty((len(targets), count))
-    parameters = [found.parameters(target) for target in targets]
+    parameters = [fit.parameters(target) for target in targets]
     for at in range(0, count, BLOCK):
         block = {name: of_cells[at : at + BLOCK] for name, of_cells in features.items()}
         shared = parameter_free(expression, block)

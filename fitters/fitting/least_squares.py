@@ -29,12 +29,12 @@ class LeastSquares(ABC):
         damping = 0.0
         for _ in range(STEPS if len(z) and np.isfinite(squares) else 0):
             trial = stepped(z, gram, slope, damping, self.box)
-            found, trial_gram, trial_slope = self.normal_equations(trial)
-            if not found < squares:
+            trial_squares, trial_gram, trial_slope = self.normal_equations(trial)
+            if not trial_squares < squares:
                 damping = max(4.0 * damping, 1e-3)
                 continue
-            done = squares - found <= ENOUGH * squares
-            z, squares, gram, slope, damping = trial, found, trial_gram, trial_slope, damping / 3
+            done = squares - trial_squares <= ENOUGH * squares
+            z, squares, gram, slope, damping = trial, trial_squares, trial_gram, trial_slope, damping / 3
             if done:
                 break
         return z, squares if np.isfinite(squares) else np.inf

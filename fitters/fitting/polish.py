@@ -27,19 +27,19 @@ DIFFERENCE = 1e-6
 """Step of a difference quotient, in the coordinates that a simplex searches."""
 
 
-def polish(expression: Expression, cells: Cells, metric: Residual, bounds: Bounds, found: Fit) -> Fit:
+def polish(expression: Expression, cells: Cells, metric: Residual, bounds: Bounds, fit: Fit) -> Fit:
     """The fit with every target's parameters improved on the cells, within the bounds; never worse on them.
 
     Errors are those of the program in float64. A target without a finite fit stays as it is.
     """
-    values, errors = found.values.copy(), found.errors.copy()
+    values, errors = fit.values.copy(), fit.errors.copy()
     for target, problem in enumerate(targets_of(expression, cells, bounds)):
-        z, squares = problem.descend(problem.place(found.parameters(target)))
+        z, squares = problem.descend(problem.place(fit.parameters(target)))
         if np.isfinite(squares):
             named = problem.parameters(z)
-            values[target] = [named[name] for name in found.names]
+            values[target] = [named[name] for name in fit.names]
             errors[target] = np.sqrt(squares)
-    return replace(found, values=values, errors=errors, error=metric.combine(errors))
+    return replace(fit, values=values, errors=errors, error=metric.combine(errors))
 
 
 def targets_of(expression: Expression, cells: Cells, bounds: Bounds) -> Iterator["TargetSquares"]:

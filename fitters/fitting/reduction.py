@@ -24,7 +24,7 @@ SHARES = (0.99, 0.999, 0.9999)
 
 
 @dataclass(frozen=True)
-class Reduction:
+class CellReduction:
     """How many cells remain at each step, and how few of the last carry most of what is seen.
 
     grid:     of the half/difference grid
@@ -43,9 +43,9 @@ class Reduction:
     sampled: int
 
 
-def reduction(problem: Problem) -> Reduction:
+def reduction(problem: Problem) -> CellReduction:
     """The reduction of a problem's cells."""
-    return Reduction(
+    return CellReduction(
         grid=CELLS,
         above=int(np.count_nonzero(above_horizon())),
         measured=int(np.count_nonzero(_measured(problem.materials))),
@@ -72,7 +72,7 @@ class Price:
     turned: the same under a light turned half round
     beyond: over measured cells that the scene does not light, under the same light from everywhere
 
-    The last two are of so many sampled cells as the problem's fine sample has.
+    The last two are of as many sampled cells as the problem's fine sample has.
     """
 
     cells: int
@@ -85,24 +85,24 @@ def prices(
     expression: Expression,
     problem: Problem,
     bounds: Bounds,
-    found: Fit,
+    fit: Fit,
     settings: FitSettings,
     turned: LightTable,
 ) -> dict[str, Price]:
     """Prices of an expression's fits to the cells that carry the first of `SHARES`, to all lit, to all measured.
 
-    found:  where its fits begin
+    fit:    where its fits begin
     turned: the scene's light, turned
     """
     metric, materials, count = RESIDUALS["light"], problem.materials, len(problem.fine)
     few = problem.full.only(carriers(problem.full, SHARES[0]))
     measured = full_cells(Problem(materials, uniform_light()), metric)
     fine = sample(measured, count, 0)
-    anew = fit_cells(expression, fine, metric, bounds, settings.thorough(), near=found.columns)
+    refitted = fit_cells(expression, fine, metric, bounds, settings.thorough(), near=fit.columns)
     fits = {
-        f"{100 * SHARES[0]:g} %": (len(few), polish(expression, few, problem.metric, bounds, found)),
-        "lit": (len(problem.full), polish(expression, problem.full, problem.metric, bounds, found)),
-        "measured": (len(measured), polish(expression, fine, metric, bounds, anew)),
+        f"{100 * SHARES[0]:g} %": (len(few), polish(expression, few, problem.metric, bounds, fit)),
+        "lit": (len(problem.full), polish(expression, problem.full, problem.metric, bounds, fit)),
+        "measured": (len(measured), polish(expression, fine, metric, bounds, refitted)),
     }
     over = (
         problem.full if problem.metric is metric else full_cells(problem, metric),
@@ -115,14 +115,14 @@ def prices(
     }
 
 
-def _error(expression: Expression, found: Fit, cells: Cells) -> float:
+def _error(expression: Expression, fit: Fit, cells: Cells) -> float:
     """The `light` error over some cells, relative to the measurement on them; 0 where there are none."""
     if not len(cells):
         return 0.0
     constant = parameter_free(expression, cells.features)
     errors = []
     for target, (weights, targets) in enumerate(zip(cells.weights, cells.targets, strict=True)):
-        values = evaluate_features(expression, found.parameters(target), cells.features, constant)
+        values = evaluate_features(expression, fit.parameters(target), cells.features, constant)
         with np.errstate(all="ignore"):
             errors.append(length(weights * values - targets) / (length(targets) or length(weights) or 1.0))
     error = RESIDUALS["light"].combine(np.array(errors))

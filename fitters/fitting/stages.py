@@ -120,27 +120,27 @@ def confirm(problem: Problem, task: ConfirmJob) -> Confirmed:
     bounds, settings, metric = task.job.intervals, task.job.settings, problem.metric
     expression = parse(task.job.expressions[0])
     near = task.near or fit_cells(expression, problem.sample, metric, bounds, settings).columns
-    found = refit_cells(expression, problem.fine, metric, bounds, near, settings, evaluations=PROBE_EVALUATIONS)
-    if found.error - found.standard_error <= task.bar:
-        found = fit_cells(expression, problem.fine, metric, bounds, settings.thorough(), near=found.columns)
-        found = refit_cells(expression, problem.full, metric, bounds, found.columns, settings, evaluations=0)
-    return Confirmed(found, time.perf_counter() - started)
+    fit = refit_cells(expression, problem.fine, metric, bounds, near, settings, evaluations=PROBE_EVALUATIONS)
+    if fit.error - fit.standard_error <= task.bar:
+        fit = fit_cells(expression, problem.fine, metric, bounds, settings.thorough(), near=fit.columns)
+        fit = refit_cells(expression, problem.full, metric, bounds, fit.columns, settings, evaluations=0)
+    return Confirmed(fit, time.perf_counter() - started)
 
 
 def describe(problem: Problem, task: DescriptionJob) -> Description:
     """A confirmed fit polished on all cells, its exact errors by every metric, its checks and its cost."""
     job = task.job
     expression = parse(job.expressions[0])
-    found = polish(expression, problem.full, problem.metric, job.intervals, task.fit)
-    exact = exact_errors(expression, problem, found)
+    fit = polish(expression, problem.full, problem.metric, job.intervals, task.fit)
+    exact = exact_errors(expression, problem, fit)
     errors = exact.by_metric[problem.metric.name]
-    found = replace(found, errors=errors, error=problem.metric.combine(errors))
+    fit = replace(fit, errors=errors, error=problem.metric.combine(errors))
     return Description(
-        fit=found,
+        fit=fit,
         metrics={name: RESIDUALS[name].combine(values) for name, values in exact.by_metric.items()},
-        checks=check(expression, found, exact.minimum),
+        checks=check(expression, fit, exact.minimum),
         cost_ns=cost_ns(expression),
-        warnings=warnings_of(expression, problem, job.intervals, job.settings, found),
+        warnings=warnings_of(expression, problem, job.intervals, job.settings, fit),
     )
 
 

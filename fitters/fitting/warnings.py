@@ -17,7 +17,7 @@ CELLS_PER_PARAMETER = 10
 UNMEASURED = 0.02
 """Of the light: what the formula says there is extrapolated."""
 OTHER_STARTS = 3
-"""So many quick fits from other starts tell whether starts matter."""
+"""Quick fits from other starts, which tell whether starts matter."""
 APART = 0.1
 """They do where one ends more than this above the fit that is kept, relative, and ..."""
 LEAST_APART = 1e-3
@@ -25,12 +25,12 @@ LEAST_APART = 1e-3
 
 
 def warnings_of(
-    expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, found: Fit
+    expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, fit: Fit
 ) -> tuple[str, ...]:
     """Of a polished fit; costs about as much as a few screenings."""
-    if not np.isfinite(found.error):
+    if not np.isfinite(fit.error):
         return ()
-    each = conditioning(expression, problem.fine, bounds, found)
+    each = conditioning(expression, problem.fine, bounds, fit)
     return (
         *_about_materials(problem),
         *_about_units(problem),
@@ -41,7 +41,7 @@ def warnings_of(
         *_about_starts(
             problem,
             restart_errors(expression, problem, bounds, settings),
-            _kept(expression, problem, bounds, settings, found),
+            _kept(expression, problem, bounds, settings, fit),
         ),
     )
 
@@ -72,9 +72,9 @@ def restart_errors(expression: Expression, problem: Problem, bounds: Bounds, set
     return np.stack(ends) if ends else np.empty((0, len(problem.targets)))
 
 
-def _kept(expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, found: Fit) -> Array:
+def _kept(expression: Expression, problem: Problem, bounds: Bounds, settings: FitSettings, fit: Fit) -> Array:
     """Errors (targets,) of the fit that is kept on the same cells."""
-    stays = refit_cells(expression, problem.sample, problem.metric, bounds, found.columns, settings, evaluations=0)
+    stays = refit_cells(expression, problem.sample, problem.metric, bounds, fit.columns, settings, evaluations=0)
     return stays.errors
 
 
@@ -162,11 +162,11 @@ def _grouped(
     each: Sequence[Conditioning], sentences: Callable[[Conditioning], Iterable[str]]
 ) -> dict[str, list[int]]:
     """Sentences, and the targets of which each is true."""
-    found: dict[str, list[int]] = {}
+    by_sentence: dict[str, list[int]] = {}
     for target, one in enumerate(each):
         for sentence in sentences(one):
-            found.setdefault(sentence, []).append(target)
-    return found
+            by_sentence.setdefault(sentence, []).append(target)
+    return by_sentence
 
 
 def _named(problem: Problem, targets: Iterable[int]) -> str:

@@ -10,12 +10,12 @@ from fitters.models.formula import FormulaFitter, FormulaModel  # isort: skip
 from fitters.models.fitter import (
     Baseline,
     Family,
+    FitStage,
     FitSummary,
     Fitter,
     FormulaBaseline,
     MaterialFitter,
     MaterialTask,
-    Stage,
     TabulatedBaseline,
 )
 from fitters.models.registry import (
@@ -38,6 +38,7 @@ __all__ = [
     "MODELS",
     "Baseline",
     "Family",
+    "FitStage",
     "FitSummary",
     "Fitted",
     "Fitter",
@@ -49,7 +50,6 @@ __all__ = [
     "MaterialTask",
     "MeasuredTable",
     "Model",
-    "Stage",
     "TabulatedBaseline",
     "fit",
     "fitter_of",

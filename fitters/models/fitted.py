@@ -180,10 +180,10 @@ def read(path: Path, kinds: Kinds) -> Fitted:
     try:
         report = json.loads(str(arrays.pop("fitted"))) if "fitted" in arrays else _unknown(path, arrays)
         parts = [_part(arrays, number, len(report["fits"])) for number in range(len(report["fits"]))]
-        found = [str(part["kind"]) for part in parts if float(part["fit_seconds"]) >= 0]
+        held = [str(part["kind"]) for part in parts if float(part["fit_seconds"]) >= 0]
     except (KeyError, TypeError, ValueError) as error:
         raise FittersError(f"{path} {FOREIGN}") from error
-    for kind in found:
+    for kind in held:
         if kind not in kinds:
             raise FittersError(
                 f"{path} holds a model of kind {kind!r}; known are {', '.join(kinds)}. Read it with the version "
@@ -194,7 +194,7 @@ def read(path: Path, kinds: Kinds) -> Fitted:
     except Exception as error:
         # Arrays that are missing, or of shapes and values that the model refuses.
         raise FittersError(
-            f"{path} does not hold the arrays of {', '.join(found)} ({error}): fit and save it again."
+            f"{path} does not hold the arrays of {', '.join(held)} ({error}): fit and save it again."
         ) from error
 
 
@@ -248,5 +248,5 @@ def _stored(path: Path) -> dict[str, np.ndarray]:
     except (IsADirectoryError, PermissionError) as error:
         raise FittersError(f"{path} cannot be read ({error.strerror}): name a file that can.") from error
     except Exception as error:
-        # A torn or foreign file: np.load raises many kinds (zipfile, zlib, value, key, OS errors).
+        # An incomplete or foreign file: np.load raises many kinds (zipfile, zlib, value, key, OS errors).
         raise FittersError(f"{path} {FOREIGN}") from error

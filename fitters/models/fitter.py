@@ -40,7 +40,7 @@ class Family:
 
 
 @dataclass(frozen=True)
-class Stage:
+class FitStage:
     """A step of a fit whose tasks may run anywhere: `function(problem, task)` for each.
 
     Stages of one `label` cost about the same, `seconds` a task at first guess.
@@ -91,7 +91,7 @@ class TabulatedBaseline:
 
 
 Baseline = FormulaBaseline | TabulatedBaseline
-Stages = Generator[Stage, Sequence[Any], Baseline]
+Stages = Generator[FitStage, Sequence[Any], Baseline]
 """Yields stages, is sent the results of their tasks in order, and returns the baseline."""
 
 
@@ -270,7 +270,7 @@ class MaterialFitter(Fitter):
 
         tasks = tuple(MaterialTask(self.name, material) for material in range(materials))
         # The tasks of every model have a cost of their own, which its name begins with.
-        summaries = yield Stage(summarise, tasks, f"{self.name} baseline", 10.0)
+        summaries = yield FitStage(summarise, tasks, f"{self.name} baseline", 10.0)
         return self.joined(summaries)
 
     def count_tasks(self, materials: int) -> int:

@@ -19,7 +19,7 @@ from fitters.fitting.stages import ConfirmJob, DescriptionJob, FitJob, confirm, 
 from fitters.grid import CHANNELS, Array
 from fitters.models.directions import both_above, rows
 from fitters.models.fitted import Fitted, MaterialFit, PerChannel
-from fitters.models.fitter import Family, Fitter, FormulaBaseline, Stage, Stages
+from fitters.models.fitter import Family, FitStage, Fitter, FormulaBaseline, Stages
 from fitters.models.half_vector import HalfVectorSampling
 from fitters.models.model import Model
 from fitters.models.model_code import ModelCode
@@ -171,9 +171,9 @@ class FormulaFitter(Fitter):
 
     def stages(self, materials: int, settings: FitSettings) -> Stages:
         job = self.job(settings)
-        (confirmed,) = yield Stage(confirm, (ConfirmJob(job),), f"{self.name} baseline", 10.0)
+        (confirmed,) = yield FitStage(confirm, (ConfirmJob(job),), f"{self.name} baseline", 10.0)
         task = DescriptionJob(job, confirmed.fit)
-        (description,) = yield Stage(describe, (task,), f"describe {self.name}", 1.0)
+        (description,) = yield FitStage(describe, (task,), f"describe {self.name}", 1.0)
         return FormulaBaseline(description, confirmed.seconds)
 
     def count_tasks(self, materials: int) -> int:

@@ -33,7 +33,7 @@ class MeasuredTable(HalfVectorSampling, Model):
 
     @property
     def reciprocal(self) -> bool:
-        # The grid takes phi_diff modulo pi, so both orders of a pair are one cell, but for rounding on its edge.
+        # phi_diff counts modulo pi: both orders of a pair are one cell, except for rounding on its edge.
         return True
 
     def evaluate(self, w_i: Array, w_o: Array) -> Array:

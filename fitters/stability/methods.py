@@ -1,4 +1,4 @@
-"""The methods under test, by name: each takes a case and a seed and says what it found."""
+"""The methods under test, by name: each takes a case and a seed and says what it made of it."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -28,8 +28,8 @@ from fitters.models.formula import formula_models, published
 from fitters.stability.case import Case
 
 THIN, THIN_ROUNDS = 15, 20
-"""AWLS runs on every so many-th azimuth, on which the joint descent begins, too, and for so many rounds: to its
-end on all of them it takes minutes."""
+"""AWLS runs on every 15th azimuth, where the joint descent begins too, and for 20 rounds: on all azimuths, to its
+end, it takes minutes."""
 STARTS = ("slices", "random-1")
 """Of independent-G, of the paper's eight."""
 RESTARTS = 3
@@ -120,8 +120,8 @@ class _Objective:
         """The error and all four parameters at the end of one descent."""
         start = begin[2:] if self.projected else begin
         options = {"maxfev": 200 * len(start), "xatol": 1e-6, "fatol": 1e-12}
-        found = minimize(self._squares, start, method="Nelder-Mead", options=options)
-        return math.sqrt(float(self._squares(found.x))), self._parameters(found.x)
+        optimum = minimize(self._squares, start, method="Nelder-Mead", options=options)
+        return math.sqrt(float(self._squares(optimum.x))), self._parameters(optimum.x)
 
     def _squares(self, x: Array) -> float:
         p = self._parameters(x)

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fitters.expressions import parse
-from fitters.fitting.reduction import Price, Reduction, prices, reduction
+from fitters.fitting.reduction import CellReduction, Price, prices, reduction
 from fitters.fitting.sharing import SCOPES
 from fitters.models import FormulaModel
 from fitters.scenes import LightTable
@@ -27,7 +27,7 @@ class ScenePicks:
     offered: Sequence[Offer]
     alone: Mapping[str, Pick | None]
     together: Pick | None
-    reduction: Reduction
+    reduction: CellReduction
     prices: Mapping[str, Price]
 
     @classmethod

@@ -66,13 +66,13 @@ def _description(plan: Plan, store: WritableStore, member: Member, description: 
     """`description` is there where the member is only left to be culled."""
     job = plan.job(member.expression)
     if description is None:
-        (found,) = yield Job(describe, plan.recipe, [DescriptionJob(job, member.fit)], "describe front", 1.0)
+        (described,) = yield Job(describe, plan.recipe, [DescriptionJob(job, member.fit)], "describe front", 1.0)
         with store.transaction():
-            if isinstance(found, Failure):
-                store.save_quarantined([_quarantined(member, "describe", found)])
+            if isinstance(described, Failure):
+                store.save_quarantined([_quarantined(member, "describe", described)])
                 return
-            store.save_description(member.expression, found, to_cull=plan.culling > 0)
-        description = found
+            store.save_description(member.expression, described, to_cull=plan.culling > 0)
+        description = described
     if plan.culling > 0:
         task = CullJob(job, description, plan.culling)
         (culled,) = yield Job(cull, plan.recipe, [task], "cull front", 10.0)

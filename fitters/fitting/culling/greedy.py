@@ -123,19 +123,19 @@ class Greedy:
         afar = fit_cells(one.whole, cells, metric, bounds, settings, near=close.columns, bar=self.demands.sample)
         return afar if afar.finished and afar.error < close.error else close
 
-    def _means(self, node: Expression, found: Fit) -> Array:
+    def _means(self, node: Expression, fit: Fit) -> Array:
         """Values (targets,) of a subexpression of a fitted formula, where the measurement is bright."""
         cells = self.problem.sample
-        values = [evaluate_features(node, found.parameters(i), cells.features) for i in range(len(found.values))]
+        values = [evaluate_features(node, fit.parameters(i), cells.features) for i in range(len(fit.values))]
         shares = np.square(cells.targets, dtype=np.float64)
         with np.errstate(all="ignore"):
             return np.nan_to_num(np.sum(shares * values, axis=1) / np.sum(shares, axis=1), nan=1.0)
 
-    def _price(self, stage: Stage, one: Reduction, found: Fit) -> float:
+    def _price(self, stage: Stage, one: Reduction, fit: Fit) -> float:
         """Growth of the error per node and parameter saved; infinite for what is hopeless."""
-        if not found.error <= HOPELESS * self.demands.sample:
+        if not fit.error <= HOPELESS * self.demands.sample:
             return inf
-        growth = (found.error - stage.sample.error) / self.demands.sample
+        growth = (fit.error - stage.sample.error) / self.demands.sample
         return max(growth, FREE) / max(_saved(stage, one), 0.1)
 
     def _limit(self, stage: Stage, one: Reduction) -> float:
@@ -144,9 +144,9 @@ class Greedy:
         smaller = one.whole.nodes < stage.expression.nodes
         return self.demands.sample if smaller else min(self.demands.sample, free)
 
-    def _taken(self, stage: Stage, one: Reduction, found: Fit) -> Stage | None:
+    def _taken(self, stage: Stage, one: Reduction, fit: Fit) -> Stage | None:
         """The stage after a reduction; None where it fails on the fine sample or as a reflectance."""
-        problem, fitted = self.problem, found.columns
+        problem, fitted = self.problem, fit.columns
         fine = refit_cells(
             one.whole, problem.fine, problem.metric, self.bounds, fitted, self.settings, evaluations=SHORT
         )
@@ -154,12 +154,12 @@ class Greedy:
             return None
         sizes = (stage.expression.nodes, one.whole.nodes)
         step = Step(one.what, to_text(one.before), to_text(one.after), sizes, (stage.fine.error, fine.error))
-        return Stage(one.whole, found, fine, step)
+        return Stage(one.whole, fit, fine, step)
 
-    def _sound(self, expression: Expression, found: Fit) -> bool:
-        if self.demands.nonnegative and not _minimum(expression, found, self.problem.fine.features) >= 0.0:
+    def _sound(self, expression: Expression, fit: Fit) -> bool:
+        if self.demands.nonnegative and not _minimum(expression, fit, self.problem.fine.features) >= 0.0:
             return False
-        return not self.demands.reciprocal or reciprocity(expression, found) <= RECIPROCAL
+        return not self.demands.reciprocal or reciprocity(expression, fit) <= RECIPROCAL
 
 
 def _saved(stage: Stage, one: Reduction) -> int:
@@ -167,8 +167,8 @@ def _saved(stage: Stage, one: Reduction) -> int:
     return complexity(stage.expression)[0] - complexity(one.whole)[0]
 
 
-def _minimum(expression: Expression, found: Fit, features: Mapping[str, Array]) -> float:
-    values = (evaluate_features(expression, found.parameters(i), features) for i in range(len(found.values)))
+def _minimum(expression: Expression, fit: Fit, features: Mapping[str, Array]) -> float:
+    values = (evaluate_features(expression, fit.parameters(i), features) for i in range(len(fit.values)))
     return float(np.min([value.min() for value in values]))
 
 

@@ -41,19 +41,19 @@ class Sharing:
         return sum(len(CHANNELS) if scope == "channel" else 1 for scope in self.scopes)
 
     def numbers(self, materials: int) -> int:
-        """Numbers that a set of so many materials takes."""
+        """Numbers that a set of this number of materials takes."""
         stored = {"channel": len(CHANNELS) * materials, "material": materials, "set": 1}
         return sum(stored[scope] for scope in self.scopes)
 
     def tightened(self, materials: int) -> dict[str, "Sharing"]:
         """By name, the sharing in which that parameter goes a step further; a material alone is its whole set."""
         last = SCOPES.index("material" if materials == 1 else "set")
-        found = {}
+        options = {}
         for i, (name, scope) in enumerate(zip(self.names, self.scopes, strict=True)):
             at = SCOPES.index(scope)
             if at < last:
-                found[name] = replace(self, scopes=(*self.scopes[:i], SCOPES[at + 1], *self.scopes[i + 1 :]))
-        return found
+                options[name] = replace(self, scopes=(*self.scopes[:i], SCOPES[at + 1], *self.scopes[i + 1 :]))
+        return options
 
     def slots(self, names: Sequence[str], targets: int) -> NDArray[np.int64]:
         """Which stored number is each target's value of each name, (targets, names), from 0 without gaps."""

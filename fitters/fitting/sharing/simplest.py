@@ -71,13 +71,13 @@ def share(expression: Expression, problem: Problem, bounds: Bounds, free: Fit, u
         unnoticed,
     )
     judges = [(cells, tied(cells, nothing, free)) for cells in (problem.fine, problem.full)]
-    for sharing, found in reversed(path):
+    for sharing, fit in reversed(path):
         for cells, reference in judges:
-            found = tied(cells, sharing, found)
-            if not unnoticed(found, reference):
+            fit = tied(cells, sharing, fit)
+            if not unnoticed(fit, reference):
                 break
         else:
-            return Shared(sharing, found, judges[-1][1])
+            return Shared(sharing, fit, judges[-1][1])
     return Shared(nothing, judges[-1][1], judges[-1][1])
 
 
@@ -94,9 +94,9 @@ def _eliminated(
             for name, tightened in sharing.tightened(materials).items()
             if name not in refused
         }
-        for name, (candidate, found) in sorted(further.items(), key=lambda item: item[1][1].error):
-            if unnoticed(found, free):
-                sharing, fit = candidate, found
+        for name, (candidate, candidate_fit) in sorted(further.items(), key=lambda item: item[1][1].error):
+            if unnoticed(candidate_fit, free):
+                sharing, fit = candidate, candidate_fit
                 path.append((sharing, fit))
                 break
             refused.add(name)

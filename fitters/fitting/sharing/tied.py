@@ -104,8 +104,8 @@ class _Tied(LeastSquares):
     def best(self, starts: Sequence[Array]) -> Array:
         """The best numbers that descents from the best starts reach."""
         different = dict(zip((start.tobytes() for start in starts), starts, strict=True)).values()
-        ranked = sorted((self._projected(start) for start in different), key=lambda found: found[1])
-        return min((self.descend(z) for z, _ in ranked[:DESCENTS]), key=lambda found: found[1])[0]
+        ranked = sorted((self._projected(start) for start in different), key=lambda end: end[1])
+        return min((self.descend(z) for z, _ in ranked[:DESCENTS]), key=lambda end: end[1])[0]
 
     def _projected(self, z: Array) -> tuple[Array, float]:
         """z with the linear parameters solved for what the others are, and the sum of squares."""
@@ -116,5 +116,5 @@ class _Tied(LeastSquares):
         fixed = np.unique(self.slots[:, : self.searched])
         pinned[:, fixed] = z[fixed]
         solved = stepped(z, gram, slope, 0.0, pinned)
-        found = self.normal_equations(solved)[0]
-        return (solved, found) if found < squares else (z, squares)
+        solved_squares = self.normal_equations(solved)[0]
+        return (solved, solved_squares) if solved_squares < squares else (z, squares)

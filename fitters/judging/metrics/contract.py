@@ -87,7 +87,7 @@ class Metric(ABC):
     def measure(self, compared: Compared) -> Comparison:
         """The metric of a model.
 
-        Raises `FittersError` where what is compared lacks what the metric is measured on, or is black.
+        Raises `FittersError` where `compared` has no pictures for an image metric, or is black.
         """
 
     @property

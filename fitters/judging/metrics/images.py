@@ -172,7 +172,7 @@ def ictcp(light: Array) -> Array:
 
 @functools.cache
 def _colour_science() -> Any:
-    """The library, imported where it is first used: it takes seconds, and warns of what is not installed."""
+    """The library, imported where it is first used: it takes seconds, and warns of optional packages."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         import colour

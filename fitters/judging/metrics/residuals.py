@@ -90,7 +90,7 @@ def _light(light: Array, measured: Array) -> Array:
 def _compressive(light: Array, measured: Array) -> Array:
     """T sqrt(w_C) with w_C after eqs. 11 and 12 of the factor paper, rho-bar the light-weighted median.
 
-    Where that is 0, it is the median of what is not: of 0, eq. 11 would make every other weight 0.
+    Where that median is 0 it is taken over the positive values, since eq. 11 would make every other weight 0.
     """
     middle, positive = weighted_median(measured, light), measured > 0
     if middle <= 0:

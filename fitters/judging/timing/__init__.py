@@ -12,7 +12,7 @@ evaluation waits for three lines of memory, one a channel. `python -m tests.benc
 each other, with single transcendentals for scale.
 """
 
-from fitters.judging.timing.closure import Closure, closure, empty
+from fitters.judging.timing.closures import Closure, closure, empty
 from fitters.judging.timing.harness import Timing, coherent, incoherent, measure
 
 __all__ = ["Closure", "Timing", "closure", "coherent", "empty", "incoherent", "measure"]

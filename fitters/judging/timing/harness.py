@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fitters.grid import Array
-from fitters.judging.timing.closure import Closure
-from fitters.judging.timing.loop import call_each
+from fitters.judging.timing.closures import Closure, call_each
 
 ROUNDS = 15
 COUNT = 1 << 17

@@ -124,7 +124,7 @@ def _sum_azimuths(h, offset, first, weights, values, out):
 
 
 def alternate(known: Sums, d: Array, f: Array, sweeps: int) -> tuple[float, float, Array, Array]:
-    """rho_d, rho_s, D and F after so many rounds of eqs. 14 to 18 from `d` and `f` (90,), largest components 1."""
+    """rho_d, rho_s, D and F after rounds of eqs. 14 to 18 from `d` and `f` (90,), largest components 1."""
     rho_d, rho_s = known.coefficients(d, f)
     for _ in range(sweeps):
         d = known.best_d(rho_d, rho_s or 1.0, d, f)

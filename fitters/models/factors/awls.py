@@ -20,7 +20,7 @@ from fitters.models.factors.smith import Smith
 SMOOTHING = 1.0
 """Standard deviation, in nodes, of the Gaussian that smooths G after an update."""
 G_UPDATES = 10
-"""So many updates of G in a round at most; they end where one would not lower the objective."""
+"""Updates of G in a round at most; they end where one would not lower the objective."""
 SECTIONS = 20
 """Steps of a golden-section search."""
 
@@ -119,7 +119,7 @@ class _IndependentG(_Model):
 
     def _best_g(self, c: Channel) -> Array:
         """The mean of the best G_i with G_o held and of the best G_o with G_i held."""
-        at, found = self.samples.geometry, []
+        at, solutions = self.samples.geometry, []
         for own, part, other, other_part in (
             (at.node_i, at.part_i, at.node_o, at.part_o),
             (at.node_o, at.part_o, at.node_i, at.part_i),
@@ -133,8 +133,8 @@ class _IndependentG(_Model):
             bands[1][unseen], right[unseen] = 1.0, c.g[unseen]
             bands[0][unseen] = 0.0
             bands[0][1:][unseen[:-1]] = 0.0
-            found.append(np.maximum(solveh_banded(bands, right), 0.0))
-        return (found[0] + found[1]) / 2
+            solutions.append(np.maximum(solveh_banded(bands, right), 0.0))
+        return (solutions[0] + solutions[1]) / 2
 
 
 class _GFromD(_Model):

@@ -7,7 +7,7 @@ import numpy as np
 
 from fitters.grid import SHAPE, Array
 from fitters.models.factors.alternation import FLOOR, Mask, filled
-from fitters.models.factors.samples import NODES, Geometry, Samples
+from fitters.models.factors.samples import NODES, SampleGeometry, Samples
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,11 +71,11 @@ def seen(samples: Samples, *, by_azimuth: bool) -> Seen:
 
 
 @lru_cache(maxsize=8)
-def _seen_by_all(at: Geometry, by_azimuth: bool) -> Seen:
+def _seen_by_all(at: SampleGeometry, by_azimuth: bool) -> Seen:
     return _seen(at, np.ones(len(at), np.bool_), by_azimuth)
 
 
-def _seen(at: Geometry, weighty: Mask, by_azimuth: bool) -> Seen:
+def _seen(at: SampleGeometry, weighty: Mask, by_azimuth: bool) -> Seen:
     counts = np.bincount(at.row[weighty], minlength=SHAPE[0] * SHAPE[1]).reshape(SHAPE[:2])
     if by_azimuth:
         last = np.bincount(at.azimuth[weighty], minlength=at.phi.size) > 0

@@ -20,7 +20,7 @@ LARGEST_FALL = 3.0
 NEGLIGIBLE = 1e-12
 """An objective of this share of the weighted squared measurement is as good as 0: that is in float32."""
 PATIENCE = 2
-"""So many steps in a row must each gain less than the tolerance before a descent ends."""
+"""Steps in a row that must each gain less than the tolerance before a descent ends."""
 
 
 class LogProblem(Protocol):
@@ -70,10 +70,10 @@ def descend(problem: LogProblem, x: Array, *, iterations: int, tolerance: float)
         value, gradient, matrix = problem.normal_equations(x)
         low, high = problem.bounds(x)
         free = np.flatnonzero(((x > low + 1e-12) | (gradient < 0)) & ((x < high - 1e-12) | (gradient > 0)))
-        found = _step(problem, x, value, gradient, matrix, free, damping)
-        if found is None:
+        step = _step(problem, x, value, gradient, matrix, free, damping)
+        if step is None:
             return Descent(x, value, tuple(course), True)
-        x, lower, damping = found
+        x, lower, damping = step
         course.append(lower)
         small = small + 1 if value - lower <= tolerance * value else 0
         if small == PATIENCE:

@@ -27,7 +27,7 @@ PerChannel = tuple[float, float, float]
 T = TypeVar("T")
 
 GAPS = 5
-"""So many components of a factor may be without a sample unsaid; the outermost often are."""
+"""Components of a factor that may lack samples without a warning; the outermost often do."""
 
 SPREAD = 0.01
 """Starts that end further apart than this share of the objective are reported."""
@@ -171,11 +171,11 @@ def fit_from_starts(
 
 
 def _solved(solve: Callable[[Samples, Channel], Solved], start: Start, channel: Samples, last: int) -> Solved:
-    """A channel's factors from a start; what is black has no factors to be found."""
+    """A channel's factors from a start; what is black has no factors."""
     if channel.square > 0:
-        found = solve(channel, start(channel))
-        exact = found.objective <= NEGLIGIBLE * channel.square
-        return replace(found, objective=0.0) if exact else found
+        solved = solve(channel, start(channel))
+        exact = solved.objective <= NEGLIGIBLE * channel.square
+        return replace(solved, objective=0.0) if exact else solved
     return Solved(Channel(0.0, 0.0, np.ones(90), np.ones(90), np.ones(last)), 0.0, 0, 0, True)
 
 
@@ -208,15 +208,15 @@ def _tables(table: type[MicrofacetFactors] | type[NaiveFactors], channels: list[
 
 
 def _warnings(fit: FactorFit) -> tuple[str, ...]:
-    found = [
+    sentences = [
         f"{channel}: starts end up to {100 * spread:.1f} % apart, so that other factors explain it about as well"
         for channel, spread in zip(CHANNELS, fit.spread, strict=True)
         if spread > SPREAD
     ]
     unfinished = [start.name for start in fit.starts if not start.converged]
     if unfinished:
-        found.append(f"still falling when its iterations were used up: {', '.join(unfinished)}")
-    return tuple(found)
+        sentences.append(f"still falling when its iterations were used up: {', '.join(unfinished)}")
+    return tuple(sentences)
 
 
 def _spread_out(values: Array, known: Mask) -> Array:

@@ -11,8 +11,8 @@ from fitters.models.model import Model
 def objective(material: Material, model: Model) -> tuple[float, float, float]:
     """Eq. 7 of Bagher et al. 2016 per channel, of a model's values at the centres of the cells."""
     values = model.evaluate(*cell_directions()).T.reshape(3, CELLS // SHAPE[2], SHAPE[2])
-    found = []
+    sums = []
     for channel, of in zip(values, samples(material, folded=False), strict=True):
         at = of.geometry
-        found.append(float(np.sum(of.weights * (channel[at.row, at.azimuth] - of.values) ** 2)))
-    return found[0], found[1], found[2]
+        sums.append(float(np.sum(of.weights * (channel[at.row, at.azimuth] - of.values) ** 2)))
+    return sums[0], sums[1], sums[2]

@@ -26,7 +26,7 @@ NODES = 90
 
 
 @dataclass(frozen=True, eq=False)
-class Geometry:
+class SampleGeometry:
     """Where samples lie, the same for every material.
 
     phi:       (k,) azimuths phi_diff, radians
@@ -69,7 +69,7 @@ class Samples:
     `mostly_zero`: half of the measurement or more is 0, and eq. 11 takes the weighted median of the rest.
     """
 
-    geometry: Geometry
+    geometry: SampleGeometry
     weights: NDArray[np.float32]
     values: NDArray[np.float32]
     constant: float
@@ -81,15 +81,15 @@ class Samples:
         return float(np.sum(self.weights * np.square(self.values, dtype=np.float64)))
 
     def every(self, stride: int) -> "Samples":
-        """The samples of every so many-th azimuth, the middle one of each group."""
+        """The samples of every `stride`-th azimuth, the middle one of each group."""
         coarse = geometry(self.geometry.phi.size, stride)
         keep = _kept(self.geometry.phi.size, stride)
         return Samples(coarse, self.weights[keep], self.values[keep], 0.0)
 
 
 @lru_cache(maxsize=8)
-def geometry(azimuths: int, stride: int = 1) -> Geometry:
-    """The samples at the first 90 azimuths of the grid (folded) or at all 180, or at every so many-th of them."""
+def geometry(azimuths: int, stride: int = 1) -> SampleGeometry:
+    """The samples at the first 90 azimuths of the grid (folded) or at all 180, or at every `stride`-th of them."""
     theta_half, theta_diff, phi_diff = bin_centres()
     phi = phi_diff[:azimuths][stride // 2 :: stride]
     th, td, pd = np.meshgrid(theta_half, theta_diff, phi, indexing="ij")
@@ -104,7 +104,7 @@ def geometry(azimuths: int, stride: int = 1) -> Geometry:
     steps = 2 * np.sqrt(th) * (np.sqrt(np.pi / 2) / SHAPE[0]) * (np.pi / 2 / SHAPE[1]) * (np.pi / SHAPE[2])
     volume = np.sqrt(8 * sin2 * (np.cos(td) ** 2 + sin2 * np.cos(pd) ** 2)) * steps
     cosines = (cos_i * cos_o)[inside]
-    return Geometry(
+    return SampleGeometry(
         phi=phi,
         first=np.argmax(inside, axis=2).astype(np.int32),
         offset=np.concatenate([[0], np.cumsum(count.ravel())]),
@@ -134,7 +134,7 @@ def samples(material: Material, *, folded: bool = True) -> list[Samples]:
     places = geometry(SHAPE[2] // 2 if folded else SHAPE[2])
     table = material.table.reshape(3, SHAPE[0] * SHAPE[1], SHAPE[2])
     valid = material.valid.reshape(SHAPE[0] * SHAPE[1], SHAPE[2])
-    found = []
+    per_channel = []
     for channel in range(3):
         stored = table[channel].view(np.int32), valid, places.offset, places.first.ravel(), places.volume, folded
         bits = _weighted_median(*stored, 0)
@@ -153,8 +153,8 @@ def samples(material: Material, *, folded: bool = True) -> list[Samples]:
             table[channel], compressive_weights(table[channel], middle), valid, places.offset,
             places.first.ravel(), places.volume, folded, weights, values,
         )  # fmt: skip
-        found.append(Samples(places, weights, values, constant, mostly_zero))
-    return found
+        per_channel.append(Samples(places, weights, values, constant, mostly_zero))
+    return per_channel
 
 
 @compiled.entry(error_model="numpy")

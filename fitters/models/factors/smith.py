@@ -38,7 +38,7 @@ class Smith:
 
 @lru_cache(maxsize=4)
 def smith(points: int = POINTS) -> Smith:
-    """The map for a Gauss-Legendre rule of so many points; more of them resolve sharper distributions."""
+    """The map for a Gauss-Legendre rule of this number of points; more of them resolve sharper distributions."""
     x, weight = np.polynomial.legendre.leggauss(points)
     lambdas = np.zeros((NODES, SHAPE[0]))
     psi, psi_weight = (x + 1) * np.pi / 4, weight * np.pi / 4

@@ -15,12 +15,12 @@ from fitters.models.factors.smith import smith
 SWEEPS = 10
 """Rounds of alternation on D and F before a descent."""
 STRIDE = 15
-"""A descent of independent-G and G-from-D begins on every so many-th azimuth."""
+"""A descent of independent-G and G-from-D begins on every 15th azimuth."""
 COARSE_STEPS, FINE_STEPS, TOLERANCE = 100, 60, 1e-4
 FIRST_TOLERANCE = 1e-3
 """Of the descent before log G is disturbed."""
 SHAKES, SHAKE, SHAKE_SEED = 2, 1.0, 1910
-"""So often log G is disturbed, by normal noise of this deviation, and the lower end kept: neighbouring nodes of G
+"""How often log G is disturbed, by normal noise of which deviation; the lower end is kept: neighbouring nodes of G
 and bins of F can hold each other where a descent gets no further."""
 SMOOTHING = 1e-8
 """Weight of the squared second differences of log G, in units of the weighted squared measurement."""
@@ -52,7 +52,7 @@ def descend_independent_g(samples: Samples, start: Channel) -> Solved:
         disturbed[-NODES:] += SHAKE * random.standard_normal(NODES)
         again = descend(problem, disturbed, iterations=COARSE_STEPS, tolerance=TOLERANCE)
         steps += again.iterations
-        best = min(best, again, key=lambda found: found.objective)
+        best = min(best, again, key=lambda end: end.objective)
     fine = IndependentG(samples, SMOOTHING * samples.square)
     last = descend(fine, best.x, iterations=FINE_STEPS, tolerance=TOLERANCE)
     solved = _solved(replace(fine, smoothing=0.0), last, Channel.of_unknowns(last.x))

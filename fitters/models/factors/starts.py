@@ -64,12 +64,12 @@ def shifted_gamma(samples: Samples) -> Channel:
         best = np.linalg.lstsq(columns / scale, weight * value, rcond=None)[0] / scale
         return columns @ np.maximum(best, 0.0) - weight * value
 
-    found = [
+    descents = [
         least_squares(residual, [np.log(alpha), 0.5, 0.1, 0.0, 0.3, 0.0, 5.0, 0.5], bounds=(_SGD_LOW, _SGD_HIGH),
                       x_scale=_SGD_HIGH - _SGD_LOW, max_nfev=15)
         for alpha in (0.02, 0.2)
     ]  # fmt: skip
-    best = min(found, key=lambda f: f.cost).x
+    best = min(descents, key=lambda f: f.cost).x
     g = _sgd_g(best, np.arange(NODES, dtype=np.float64))
     return Channel(0.0, 1.0, _sgd_d(best), _sgd_f(best), g).clamped()
 

@@ -25,7 +25,7 @@ def to_floats(model: MicrofacetFactors) -> bytes:
 
 
 def from_floats(content: bytes) -> MicrofacetFactors:
-    """The factors in `to_floats`' bytes. Raises `FittersError` where they are not so many."""
+    """The factors in `to_floats`' bytes. Raises `FittersError` for another number of bytes."""
     _check(content, FLOAT_BYTES)
     values = np.frombuffer(content, "<f4").astype(np.float64)
     return _model(values[:6], values[6:])
@@ -46,7 +46,7 @@ def to_packed(model: MicrofacetFactors) -> bytes:
 
 
 def from_packed(content: bytes) -> MicrofacetFactors:
-    """The factors in `to_packed`'s bytes. Raises `FittersError` where they are not so many."""
+    """The factors in `to_packed`'s bytes. Raises `FittersError` for another number of bytes."""
     _check(content, PACKED_BYTES)
     bits = np.unpackbits(np.frombuffer(content, np.uint8, offset=24))[: _COMPONENTS * BITS]
     level = bits.reshape(_COMPONENTS, BITS).astype(np.uint32) @ (1 << np.arange(BITS - 1, -1, -1, dtype=np.uint32))

@@ -56,8 +56,10 @@ def dominant(backscattering: Array, iterations: int, tolerance: float) -> Eigenv
 
 def slope_pdf(backscattering: Array, iterations: int = 200, tolerance: float = 1e-12) -> tuple[Array, Eigenvector]:
     """P (phi, theta), eq. 8 holding, and the eigenvector that it is."""
-    found = dominant(backscattering, iterations, tolerance)
-    return found.values / slopes(nodes(backscattering.shape[1]), found.values).total.mean(), found
+    eigenvector = dominant(backscattering, iterations, tolerance)
+    return eigenvector.values / slopes(
+        nodes(backscattering.shape[1]), eigenvector.values
+    ).total.mean(), eigenvector
 
 
 def projected_area(density: Slopes, cos_theta: Array) -> Array:

@@ -79,7 +79,7 @@ def extract_anisotropic(
     name, evaluate = _function(material)
     count, phi = settings.resolution, azimuths(settings.azimuths)
     data = backscattering.of_function(name, evaluate, phi, count)
-    p, found = anisotropic.slope_pdf(data.values, settings.iterations, settings.tolerance)
+    p, eigenvector = anisotropic.slope_pdf(data.values, settings.iterations, settings.tolerance)
     theta, cos_k = isotropic.nodes(count), isotropic.area_nodes(count)
     density = slopes(theta, p)
     tables = theta, p, np.arccos(cos_k), cos_k / anisotropic.projected_area(density, cos_k)
@@ -92,7 +92,7 @@ def extract_anisotropic(
     beckmann, ggx = anisotropic_alphas(density)
     said = (*data.warnings, *about_moments(tail_share(density)), *about_fresnel(table))
     model.fit_seconds = time.perf_counter() - started
-    return Extraction(model, beckmann, ggx, table, _rgb(table[0]), found.iterations, said)
+    return Extraction(model, beckmann, ggx, table, _rgb(table[0]), eigenvector.iterations, said)
 
 
 def _function(material: AnisotropicMaterial | Material | Evaluate) -> tuple[str, Evaluate]:
@@ -106,7 +106,7 @@ def _function(material: AnisotropicMaterial | Material | Evaluate) -> tuple[str,
 def _converged(material: Material, settings: Settings) -> Extraction:
     count = settings.resolution
     data = backscattering.of_table(material, count)
-    p, found = isotropic.slope_pdf(data.values, settings.iterations, settings.tolerance)
+    p, eigenvector = isotropic.slope_pdf(data.values, settings.iterations, settings.tolerance)
     theta, cos_k = isotropic.nodes(count), isotropic.area_nodes(count)
     density = slopes(theta, p)
     area = isotropic.projected_area(density, cos_k)
@@ -116,7 +116,7 @@ def _converged(material: Material, settings: Settings) -> Extraction:
     beckmann, ggx = isotropic_alphas(density)
     left = about_residual(residual(material, model))
     said = (*data.warnings, *about_moments(tail_share(density)), *about_fresnel(table), *left)
-    return Extraction(model, beckmann, ggx, table, _rgb(table[0]), found.iterations, said)
+    return Extraction(model, beckmann, ggx, table, _rgb(table[0]), eigenvector.iterations, said)
 
 
 def _published(material: Material, settings: Settings) -> Extraction:

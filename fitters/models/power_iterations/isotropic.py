@@ -49,8 +49,8 @@ def dominant(matrix: Array, iterations: int, tolerance: float) -> Eigenvector:
 
 def slope_pdf(backscattering: Array, iterations: int = 200, tolerance: float = 1e-12) -> tuple[Array, Eigenvector]:
     """P (n,) at `nodes(n)`, eq. 8 holding, for f_r(o, o) (n,) in any unit, and the eigenvector that it is."""
-    found = dominant(kernel(backscattering), iterations, tolerance)
-    return found.values / slopes(nodes(len(backscattering)), found.values).total, found
+    eigenvector = dominant(kernel(backscattering), iterations, tolerance)
+    return eigenvector.values / slopes(nodes(len(backscattering)), eigenvector.values).total, eigenvector
 
 
 def projected_area(density: Slopes, cos_theta: Array) -> Array:

@@ -12,7 +12,7 @@ from fitters.expressions import evaluate, parse, to_text
 from fitters.expressions.canonical import canonical
 from fitters.expressions.operators import Operator
 from fitters.expressions.simplification import tidy
-from fitters.judging.timing.closure import closure
+from fitters.judging.timing.closures import closure
 from fitters.models import FormulaModel
 from fitters.testing.backends import temporary
 

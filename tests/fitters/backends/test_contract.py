@@ -13,7 +13,7 @@ from fitters.backends.sympy_form import to_sympy
 from fitters.expressions import grammar
 from fitters.expressions.catalogue import CATALOGUE
 from fitters.expressions.evaluation import features
-from fitters.judging.timing.closure import closure
+from fitters.judging.timing.closures import closure
 from fitters.models import FormulaModel
 from fitters.testing.backends import Backend, check_formula, check_lacking, check_operator
 from tests.fitters.backends.interpreter import combined

@@ -28,7 +28,9 @@ def fitted(name, problem):
     return formula, fit_cells(formula.expression, problem.full, problem.metric, formula.bounds, settings)
 
 
-@pytest.mark.parametrize("name", CATALOGUE)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.long) if name == "sgd" else name for name in CATALOGUE]
+)
 def test_the_polish_ends_where_least_squares_ends(name, problem):
     """SciPy's trust region from the same start, derivatives by differences, to its own last digits."""
     formula, found = fitted(name, problem)

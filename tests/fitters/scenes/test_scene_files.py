@@ -87,6 +87,7 @@ def test_a_sphere_in_a_scene_file_is_the_built_in_one(mitsuba, write):
     np.testing.assert_allclose(found.views, expected.views, atol=1e-6)
 
 
+@pytest.mark.long
 def test_its_light_table_and_image_are_those_of_the_built_in_one(mitsuba, metal, write):
     """A convex body hides no light from itself: its table is as far from the closed form as it says."""
     analytic = Scene(resolution=PIXELS, light_rows=ROWS, rotation=30.0)

@@ -137,9 +137,9 @@ def healthy(tmp_path_factory: pytest.TempPathFactory) -> Store:
     [
         ("screen", 40, WorkersError),
         # A generation of this search confirms half a dozen: only where all of them fail is none to blame.
-        ("confirm", 0, WorkersError),
+        pytest.param("confirm", 0, WorkersError, marks=pytest.mark.long),
         ("describe front", 1, None),
-        ("lambert", 0, None),
+        pytest.param("lambert", 0, None, marks=pytest.mark.long),
     ],
 )
 def test_a_machine_that_is_sick_for_a_while_changes_nothing(healthy, tmp_path, word, well, kind):

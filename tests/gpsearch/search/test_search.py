@@ -48,6 +48,9 @@ def stop_at(event: str, count: int) -> Callable[[str], None]:
     return then
 
 
+SEEDS = [0, pytest.param(1, marks=pytest.mark.long), pytest.param(2, marks=pytest.mark.long)]
+
+
 @pytest.mark.parametrize(
     ("event", "count"),
     [
@@ -55,8 +58,8 @@ def stop_at(event: str, count: int) -> Callable[[str], None]:
         ("searching", 1),
         ("step", 4),
         ("stored 1", 1),
-        ("step", 12),
-        ("stored 2", 1),
+        pytest.param("step", 12, marks=pytest.mark.long),
+        pytest.param("stored 2", 1, marks=pytest.mark.long),
         ("stored 4", 1),
         ("describing the front", 1),
     ],
@@ -102,14 +105,14 @@ def three(folder: Path):
     return small(folder, search=search, budget={"generations": 8})
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_islands_that_lose_step_give_the_same_front(tmp_path, in_order, seed):
     watcher = Watching()
     store = run_search(tmp_path / "run", three(tmp_path), watcher, Unordered(seed))
     assert without_times(result_of(store, three(tmp_path)).to_json()) == in_order
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_islands_out_of_step_may_be_stopped_again_and_again(tmp_path, in_order, seed):
     """Every session ends after some results: between screening and confirming, before and after a migration."""
     numbers, sessions = random.Random(seed), 0

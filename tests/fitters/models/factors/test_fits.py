@@ -35,7 +35,7 @@ def relative(found, expected, where):
     ("make", "fit", "last"),
     [
         (known.microfacet, lambda m: fit_independent_g(m, only=("slices",)), "G"),
-        (known.shadowed, fit_g_from_d, "G"),
+        pytest.param(known.shadowed, fit_g_from_d, "G", marks=pytest.mark.long),
         (known.naive, fit_naive, "H"),
     ],
     ids=["independent-g", "g-from-d", "naive"],
@@ -83,7 +83,7 @@ def test_the_objective_is_that_of_the_tables(fit, few_steps):
         assert found.objective[channel] == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("model", ["independent_g", "g_from_d", "naive"])
+@pytest.mark.parametrize("model", ["independent_g", pytest.param("g_from_d", marks=pytest.mark.long), "naive"])
 def test_the_descent_ends_no_higher_than_the_alternation(model, monkeypatch):
     """They solve the same problem: after some rounds the alternation is near, and above."""
     monkeypatch.setattr(solving, "ROUNDS", 25)
@@ -166,7 +166,14 @@ def test_an_unknown_start_is_refused():
 
 
 @pytest.mark.skipif(DATA is None, reason="no shared data beside the checkout")
-@pytest.mark.parametrize("name", ["two-layer-gold", "grease-covered-steel", "nylon"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "two-layer-gold",
+        pytest.param("grease-covered-steel", marks=pytest.mark.long),
+        pytest.param("nylon", marks=pytest.mark.long),
+    ],
+)
 def test_the_objective_is_well_below_that_of_the_authors_own_tables(name):
     """On surrogates of the MERL materials; of all 57, two of the worst by the ratio, and a diffuse one."""
     surrogates = next(s for s in material_sets(DATA) if s.title == "MERL surrogates")
