@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
-from gpsearch.commands.main import COMMANDS, commands
+from gpsearch.commands.group import COMMANDS, commands
 
 HEAVY = ("numpy", "numba", "scipy", "dask", "distributed", "sympy", "matplotlib", "plotly", "pydantic", "skimage")
 ROOT = Path(__file__).parents[1]
@@ -30,7 +30,7 @@ def imported_by(*arguments: str) -> set[str]:
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=60, check=True
     )
     modules = result.stderr.splitlines()[-1].split()
-    assert "gpsearch.commands.main" in modules
+    assert "gpsearch.commands.group" in modules
     return set(HEAVY) & set(modules)
 
 

@@ -67,7 +67,6 @@ WORDS_TO_COME = {
     "gpsearch/commands/chart.py",
     "gpsearch/commands/chart_search.py",
     "gpsearch/commands/launch.py",
-    "gpsearch/commands/main.py",
     "gpsearch/exports/contract.py",
     "gpsearch/judging/materials.py",
     "gpsearch/judging/offers.py",
@@ -93,7 +92,6 @@ CLASSES_TO_COME = {
 
 MODULES_TO_COME = {
     "fitters/judging/timing/__init__.py: closure",
-    "gpsearch/commands/__init__.py: main",
 }
 """Modules that a name of their package still hides."""
 

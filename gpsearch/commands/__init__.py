@@ -1,5 +1,5 @@
 """The command line: `gpsearch launch | status | export | chart | fit | materials`."""
 
-from gpsearch.commands.main import main
+from gpsearch.commands.group import main
 
 __all__ = ["main"]

@@ -93,7 +93,11 @@ class Launcher:
     def __init__(self, folder: Path, config: str, run: str, cache: Path | None = None) -> None:
         self.folder, self.command = folder, [BIN / "gpsearch", "launch", config, "--run", run]
         self.run = folder / run
-        self.environment = dict(os.environ) | ({"GPSEARCH_CACHE": str(cache)} if cache else {})
+        self.dispatch = folder / "dispatch"
+        self.dispatch.mkdir(exist_ok=True)
+        self.environment = os.environ | {"WORKERS_LOG": str(self.dispatch)}
+        if cache:
+            self.environment["GPSEARCH_CACHE"] = str(cache)
         self.process: subprocess.Popen[bytes] | None = None
         self.log = folder / f"{run}.log"
 

@@ -22,6 +22,7 @@ from gpsearch.run import Store
 from tests.chaos.actors import Cluster, Launcher
 from tests.chaos.tally import TALLY
 from tests.gpsearch.small import small_text, without_times
+from workers.dispatch.replay import replay
 
 pytestmark = pytest.mark.long
 
@@ -150,6 +151,9 @@ def require_same_front(launcher: Launcher, reference: str) -> None:
     """The launcher comes to its end, with the same front, and with every generation once."""
     assert launcher.end() == 0, launcher.log.read_text()
     TALLY.runs += 1
+    for log in launcher.dispatch.glob("*.jsonl"):
+        with log.open() as lines:
+            assert [event for event, before, now in replay(lines) if before != now] == []
     store = Store.open(launcher.run)
     rows, events = store.generations(), store.events()
     assert store.quarantined() == []

@@ -36,8 +36,8 @@ class TestExecutors(ExecutorContract):
 def test_the_description_counts_the_workers(executor: Executor, settings: Any) -> None:
     if settings.kind == "local":
         assert executor.description == "this process"
-    elif settings.scheduler is None:
+    elif settings.kind == "dask" and settings.scheduler is None:
         plural = "es" * (executor.processes > 1)
         assert executor.description == f"{executor.processes} worker process{plural} on this machine"
-    else:
+    elif settings.kind == "dask":
         assert executor.description == f"{settings.scheduler} with 2 workers"

@@ -134,7 +134,14 @@ def test_the_text_has_the_front_among_published_formulas_and_the_tables_below():
 
 
 def test_the_package_offers_what_a_user_needs():
-    assert set(gpsearch.__all__) == {"Baseline", "Formula", "GpsearchError", "Result", "__version__", "load_run"}
+    assert set(gpsearch.__all__) == {
+        "Baseline",
+        "FoundFormula",
+        "GpsearchError",
+        "Result",
+        "__version__",
+        "load_run",
+    }
     assert set(gpsearch.__all__) <= set(dir(gpsearch))
     with pytest.raises(AttributeError, match="no attribute 'launch'"):
         gpsearch.launch  # noqa: B018

@@ -68,7 +68,7 @@ def main() -> None:
         click.echo("interrupted", err=True)
         sys.exit(130)
     except BrokenPipeError:
-        # Whoever read our output has left, as `head` does.
+        # The reader of the output has ended, as `head` does.
         sys.stderr.close()
         sys.exit(1)
     except Exception as error:
@@ -81,7 +81,7 @@ def main() -> None:
 
 def _status(error: Exception) -> int | None:
     """The exit status that an error of the three packages means; None for any other error."""
-    # Imported here, since a package runs its __init__ first, and nobody needs them before an error.
+    # Imported here, since a package runs its __init__ first, and only an error needs them.
     from fitters.errors import FittersError
     from gpsearch.errors import GpsearchError, StoreError
     from workers.errors import WorkersError
