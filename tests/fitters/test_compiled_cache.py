@@ -120,7 +120,8 @@ def warm(tmp_path_factory):
     folder = tmp_path_factory.mktemp("warm")
     for module in (machine, multistart):
         source = compiled.folder(Path(module.__file__).parent)
-        shutil.copytree(source, folder / source.name)
+        # Another process of this session may be writing a file at this moment.
+        shutil.copytree(source, folder / source.name, ignore=shutil.ignore_patterns("*.part"))
     return folder
 
 
