@@ -52,7 +52,7 @@ def arrays(kind: str, key: str, build: Callable[[], Mapping[str, np.ndarray]]) -
     except FileNotFoundError:
         pass
     except Exception:
-        # A torn or foreign file: np.load raises many kinds (zipfile, zlib, value, OS errors).
+        # A damaged or foreign file: np.load raises many kinds (zipfile, zlib, value, OS errors).
         path.unlink(missing_ok=True)
     built = dict(build())
     write(path, lambda file: np.savez(file, **built))  # type: ignore[arg-type]

@@ -1,9 +1,9 @@
 """Compiled code on disk: decorators as numba's, for functions that are to be compiled once on a machine.
 
-numba's own cache believes what its files hold: a torn one raises, a flipped bit is executed. Here a compiled
-function is one file that begins with a checksum of the rest. What is missing, damaged or unreadable is compiled
-anew and written where that is possible. There is a file for each function and signature and no index of them, and
-files are moved into place whole: processes that start at once replace each other's with equals.
+numba's own cache believes what its files hold: an incomplete one raises, a flipped bit is executed. Here a
+compiled function is one file that begins with a checksum of the rest. What is missing, damaged or unreadable is
+compiled again and written where that is possible. There is a file for each function and signature and no index
+of them, and files are moved into place whole: processes that start at once replace each other's with equals.
 
 What this relies on in numba, besides its decorators:
 
