@@ -27,9 +27,16 @@ def _is_long(config: pytest.Config) -> bool:
 
 def pytest_configure(config: pytest.Config) -> None:
     settings.load_profile("long" if _is_long(config) else "quick")
-    if config.getoption("--chaos-seed") is None:
-        # Drawn before there are other processes, which must all collect the same tests.
+    if hasattr(config, "workerinput"):
+        config.option.chaos_seed = config.workerinput["chaos_seed"]
+    elif config.getoption("--chaos-seed") is None:
         config.option.chaos_seed = int.from_bytes(os.urandom(3), "big")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node) -> None:
+    """Gives a process of pytest-xdist the seed of all: they must collect the same tests."""
+    node.workerinput["chaos_seed"] = node.config.getoption("--chaos-seed")
 
 
 def pytest_report_header(config: pytest.Config) -> str:
