@@ -111,10 +111,10 @@ def test_what_is_measured_is_what_cards_say():
 def test_in_another_scene_formulas_are_refitted_and_the_picture_shows_both(folder):
     (folder / "own.yaml").write_text(yaml.safe_dump(yaml.safe_load(small_text()) | {"name": "own"}))
     options = ("--scene", "own.yaml", "--scene", "grey.yaml", "--plot", "scenes.png")
-    result = gpsearch("pick", "run", "--tolerance", "light<1e-9", *options, cwd=folder)
-    assert (result.returncode, result.stdout.count("none; nearest")) == (0, 6)
-    assert (folder / "scenes.png").stat().st_size > 10_000
+    result = gpsearch("pick", "run", "--tolerance", "light<1e-9", *options[:2], cwd=folder)
+    assert (result.returncode, result.stdout.count("none; nearest")) == (0, 3)
     own, grey = picked(folder, "light<1e-9", *options)
+    assert (folder / "scenes.png").stat().st_size > 10_000
     assert {model["fitted_in"] for model in own["models"]} == {"run"}
     ways: dict[str, dict] = {model["name"]: {} for model in grey["models"]}
     for model in grey["models"]:

@@ -214,6 +214,7 @@ def test_a_material_of_the_search_under_another_name_is_refused(tmp_path):
     assert "iron: the run was searched on it, it holds what steel does; name materials with" in result.stderr
 
 
+@pytest.mark.long
 def test_a_table_that_cannot_be_fitted_to_a_test_material_is_no_error(tmp_path):
     """It has no test error, nothing lies below it, and the reason is told."""
     metal = load_material("builtin:metal")
