@@ -195,6 +195,8 @@ def test_a_full_disk_ends_the_run_and_loses_nothing(folder, whole):
 
 def test_ctrl_c_before_the_first_generation_is_as_clean(folder):
     """The command to go on with can be pasted, whatever is in the path."""
+    # A first generation of some minutes.
+    (folder / "small.yaml").write_text(small_text(search={"island_size": 20_000}))
     with launched(folder, run="my [bold]run :smile:") as process:
         wait_for(process.stderr, "small starts")
         process.send_signal(signal.SIGINT)

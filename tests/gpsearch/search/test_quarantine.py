@@ -66,6 +66,7 @@ def expressions(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     return sorted(key for key, known in store.fits() if known.generation == 2)
 
 
+@pytest.mark.long
 def test_a_run_survives_what_crashes_hangs_and_raises(tmp_path, expressions):
     """Its front is the one of a run in which the same candidates have no fit."""
     ways = dict(zip(expressions[::3], ["crash", "hang", "raise"], strict=False))
