@@ -1,15 +1,20 @@
 """A search small enough for a test: one built-in material on few cells, sixteen candidates a generation."""
 
+import atexit
 import io
 import json
+import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import chdir, closing, contextmanager, redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import numpy as np
+import OpenImageIO as oiio
 import yaml
 
 from gpsearch.commands import main
@@ -25,11 +30,29 @@ from workers.local import LocalExecutor
 GPSEARCH = str(Path(sys.executable).with_name("gpsearch"))
 PATIENCE_SECONDS = 120
 
+
+def lamp() -> str:
+    """The path of a light that falls from about the viewer: it lights a sixth of all cells."""
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    rows, columns = np.mgrid[:32, :64]
+    away = np.hypot(rows - 15.5, columns - 31.5) * 180 / 32
+    map = np.where(away < 22, 1 + away / 10, 0)[..., None] * np.array([1.0, 0.9, 0.8])
+    path = str(Path(folder) / "lamp.exr")
+    output = oiio.ImageOutput.create(path)
+    output.open(path, oiio.ImageSpec(64, 32, 3, "float"))
+    output.write_image(map.astype(np.float32))
+    output.close()
+    return path
+
+
+LAMP = lamp()
+
 SMALL: dict[str, Any] = {
     "name": "small",
     "seed": 5,
     "materials": ["builtin:metal"],
-    "scene": {"light": "studio", "resolution": 16, "light_rows": 8},
+    "scene": {"light": LAMP, "resolution": 16, "light_rows": 8},
     "budget": {"generations": 4},
     "search": {"start": ["phong"], "islands": 2, "island_size": 8, "migrate_every": 2, "max_nodes": 40},
     "fit": {"cells": 256, "confirm_cells": 1024},

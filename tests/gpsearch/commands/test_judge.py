@@ -8,7 +8,7 @@ import pytest
 
 from gpsearch.judging import scenes
 from gpsearch.run import Store
-from tests.gpsearch.small import FEW, gpsearch, run_search, small
+from tests.gpsearch.small import LAMP, FEW, gpsearch, run_search, small
 
 COARSE = 32
 """Pixels of a picture's side, where its content does not matter."""
@@ -28,7 +28,7 @@ def test_a_run(folder, monkeypatch):
     assert done.returncode == 0, done.stderr
     report = json.loads(done.stdout)
     assert {"lambert", "bivariate"} < {model["name"] for model in report["models"]}
-    assert report["scene"]["light"] == "studio"
+    assert report["scene"]["light"] == LAMP
     for model in report["models"]:
         metrics = model["cards"]["metal"]["metrics"]
         assert metrics.keys() == report["metrics"].keys()
@@ -90,8 +90,8 @@ def test_a_run_is_judged_on_test_materials_apart_from_the_others(tested, report,
     text = gpsearch("judge", "run", cwd=tested).stdout
     first, second = text.split("\n\n")
     count = len(report["models"])
-    assert first.startswith(f"{count} models, 2 materials, under studio; means over the materials\n")
-    assert second.startswith(f"{count} models, 1 test material that the search was not on, under studio;")
+    assert first.startswith(f"{count} models, 2 materials, under lamp; means over the materials\n")
+    assert second.startswith(f"{count} models, 1 test material that the search was not on, under lamp;")
     assert len(first.splitlines()) == len(second.splitlines()) == 2 + count
     for model in report["models"]:
         (line,) = (line for line in second.splitlines() if line.startswith(model["name"]))

@@ -19,7 +19,7 @@ from fitters.scenes import Scene, light_table
 from gpsearch.judging.offers import View
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.tolerance import parse_tolerance
-from tests.gpsearch.small import FEW, gpsearch, run_search, small, small_text
+from tests.gpsearch.small import LAMP, FEW, gpsearch, run_search, small, small_text
 
 NAMES = ("metal", "rough-plastic")
 LIMIT = 0.4
@@ -77,7 +77,7 @@ def test_the_pick_is_the_cheapest_of_all_that_is_listed(within_limit, names):
 @pytest.mark.parametrize("names", [NAMES[:1], NAMES[1:], NAMES])
 def test_the_parameters_of_the_pick_have_the_errors_and_the_count_that_it_says(within_limit, names):
     pick = of(within_limit, names)
-    light = light_table(Scene("studio", resolution=16, light_rows=8))
+    light = light_table(Scene(LAMP, resolution=16, light_rows=8))
     for name, model in formula_models(pick, names).items():
         error = np.sqrt(np.mean(np.square(model_errors(Problem([load(name)], light), 0, model)["light"])))
         assert error == pytest.approx(pick["values"][name]["light"], rel=1e-9)

@@ -17,7 +17,7 @@ from gpsearch import __version__
 from gpsearch.exports import schema
 from gpsearch.genomes import Genome, reify
 from gpsearch.run import Store, result_of
-from tests.gpsearch.small import Watching, make_store, run_search, small
+from tests.gpsearch.small import LAMP, Watching, make_store, run_search, small
 
 MATERIALS = ["builtin:metal", "builtin:fabric"]
 
@@ -80,7 +80,7 @@ def test_the_run_is_described(exported, folder):
     assert (run["name"], run["seed"], run["version"]) == ("small", 5, __version__)
     assert run["config_sha256"] == configuration(folder).sha256
     assert run["materials"] == ["metal", "fabric"]
-    scene = {"light": "studio", "rotation": 0.0, "resolution": 16, "light_rows": 8}
+    scene = {"light": LAMP, "rotation": 0.0, "resolution": 16, "light_rows": 8}
     assert run["scene"] == {**scene, "geometry": "sphere", "shape": None, "shadows": True}
     assert (run["generations"], run["candidates"], run["metric"]) == (8, 128, "light")
     assert [baseline["name"] for baseline in exported["baselines"]] == ["lambert", "bivariate", "ggx"]
@@ -120,7 +120,7 @@ def test_members_are_what_their_genomes_make_and_as_large_as_stated(exported):
 
 def test_the_parameters_reproduce_the_stated_errors(exported):
     """Evaluated here with NumPy from the text of the file, the measurements and the light alone."""
-    light = light_table(Scene(light="studio", resolution=16, light_rows=8))
+    light = light_table(Scene(light=LAMP, resolution=16, light_rows=8))
     carried = light.table.reshape(3, -1).astype(np.float64)
     w_i, w_o = cell_directions()
     formulas = [baseline for baseline in exported["baselines"] if baseline["kind"] == "formula"]

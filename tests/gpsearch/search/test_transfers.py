@@ -21,13 +21,13 @@ from gpsearch.exports import schema
 from gpsearch.run import Store, result_of
 from gpsearch.search.plan import plan, problem_recipe
 from gpsearch.search.transfers import formula_jobs, transfer_lanes
-from tests.gpsearch.small import Watching, gpsearch, run_search, small, small_text, without_times, writing
+from tests.gpsearch.small import LAMP, Watching, gpsearch, run_search, small, small_text, without_times, writing
 from workers import DaskSettings, Done, Failure, LocalSettings, open_executor
 from workers.local import LocalExecutor
 
 TRAINING = ["metal", "glossy-plastic"]
 TESTS = ["fabric", "rough-plastic"]
-SCENE = Scene("studio", resolution=16, light_rows=8)
+SCENE = Scene(LAMP, resolution=16, light_rows=8)
 
 
 def builtin(names: list[str]) -> list[str]:
