@@ -37,11 +37,11 @@ def lamp() -> str:
     atexit.register(shutil.rmtree, folder)
     rows, columns = np.mgrid[:32, :64]
     away = np.hypot(rows - 15.5, columns - 31.5) * 180 / 32
-    map = np.where(away < 22, 1 + away / 10, 0)[..., None] * np.array([1.0, 0.9, 0.8])
+    radiance = np.where(away < 22, 1 + away / 10, 0)[..., None] * np.array([1.0, 0.9, 0.8])
     path = str(Path(folder) / "lamp.exr")
     output = oiio.ImageOutput.create(path)
     output.open(path, oiio.ImageSpec(64, 32, 3, "float"))
-    output.write_image(map.astype(np.float32))
+    output.write_image(radiance.astype(np.float32))
     output.close()
     return path
 

@@ -8,7 +8,7 @@ import pytest
 
 from gpsearch.judging import scenes
 from gpsearch.run import Store
-from tests.gpsearch.small import LAMP, FEW, gpsearch, run_search, small
+from tests.gpsearch.small import FEW, LAMP, gpsearch, run_search, small
 
 COARSE = 32
 """Pixels of a picture's side, where its content does not matter."""

@@ -19,7 +19,7 @@ from fitters.scenes import Scene, light_table
 from gpsearch.judging.offers import View
 from gpsearch.judging.scenes import NamedScene
 from gpsearch.judging.tolerance import parse_tolerance
-from tests.gpsearch.small import LAMP, FEW, gpsearch, run_search, small, small_text
+from tests.gpsearch.small import FEW, LAMP, gpsearch, run_search, small, small_text
 
 NAMES = ("metal", "rough-plastic")
 LIMIT = 0.4
