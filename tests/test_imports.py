@@ -84,3 +84,17 @@ def test_the_libraries_of_the_project_are_those_that_it_imports():
     assert imported - extras["mitsuba"] - {"pytest"} == required
     in_tests = {BY_ANOTHER.get(name, name) for name in libraries("tests")}
     assert in_tests - required - extras["benchmark"] <= extras["test"]
+
+
+ABOVE = {"fitters": {"workers", "gpsearch"}, "workers": {"gpsearch"}}
+"""What a package must not import: the floors above it."""
+
+
+@pytest.mark.parametrize("package", ABOVE)
+def test_imports_go_down(package):
+    for path in sorted((ROOT / package).rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+            upwards = [name for name in names if name.partition(".")[0] in ABOVE[package]]
+            assert not upwards, f"{path}: {upwards}"
