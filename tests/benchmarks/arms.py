@@ -18,7 +18,7 @@ from fitters.engine import prepared
 from fitters.engine.prepared import Optima, Prepared
 from fitters.expressions import Expression
 from fitters.fitting import Confirmed, ConfirmJob, Fit, FitSettings, Problem, cell_fit, refit_cells, stages
-from fitters.fitting.cell_fit import _prepared, _starts, _stated
+from fitters.fitting.cell_fit import _descent, _prepared, _starts, _stated
 from fitters.fitting.cells import Cells
 from fitters.fitting.settings import Bounds
 from fitters.judging.metrics import Residual
@@ -83,7 +83,7 @@ def fit_as_the_paper(
     single = FitSettings(starts=1, restarts=1, rounds=0, evaluations=PAPER_EVALUATIONS)
     nothing = np.empty((0, made.searched))
     starts = _starts(expression, made.box, PAPER_RESTARTS)
-    found = [made.fit(start[None], nothing, single.descent(made.searched)) for start in starts]
+    found = [made.fit(start[None], nothing, _descent(single, made.searched)) for start in starts]
     best = np.argmin([one.value for one in found], axis=0)
     targets = np.arange(len(best))
     x, c, value = (np.stack([getattr(one, key) for one in found])[best, targets] for key in ("x", "c", "value"))

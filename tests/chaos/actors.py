@@ -56,15 +56,23 @@ class Cluster:
         )
 
     def workers(self) -> list[psutil.Process]:
-        """The processes that compute: what the nannies have started."""
-        found = []
+        """The processes that compute: what the nannies have started, and the scheduler knows.
+
+        A nanny does not restart a worker that dies before it has reached the scheduler: it ends.
+        """
+        members = []
         for group in self.groups:
             try:
                 children = psutil.Process(group.pid).children(recursive=True)
-                found += [child for child in children if "spawn_main" in " ".join(child.cmdline())]
+                members += [child for child in children if self._is_known(child)]
             except psutil.Error:
                 continue
-        return found
+        return members
+
+    def _is_known(self, process: psutil.Process) -> bool:
+        connections = process.net_connections("tcp")
+        reached = any(one.raddr and one.raddr.port == self.port for one in connections)
+        return reached and "spawn_main" in " ".join(process.cmdline())
 
     def kill_scheduler(self) -> None:
         if self.scheduler is not None:
