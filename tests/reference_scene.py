@@ -8,7 +8,6 @@ readers of MERL files do.
 import csv
 import importlib.util
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,8 +15,8 @@ import pytest
 from fitters.grid import CELLS, cell_index, half_diff
 from fitters.scenes import EnvironmentMap, load_light
 from fitters.scenes.geometry import sphere
+from tests.shared_data import SHARED
 
-SHARED = Path(__file__).parents[2] / "shared"
 GRACE = SHARED / "data/envmaps/grace_probe_latlong.hdr"
 FITS = SHARED / "data/reference_fits/light_error.csv"
 NETWORKS = SHARED / "data/merl/nbrdf.npz"

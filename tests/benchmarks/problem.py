@@ -7,6 +7,7 @@ import numpy as np
 from fitters.fitting import ProblemRecipe
 from fitters.fitting.cells import COARSE, Cells
 from fitters.scenes import Scene
+from tests.shared_data import SHARED
 
 SEED = 1
 
@@ -19,7 +20,7 @@ PROBE = "envmaps/grace_probe_latlong.hdr"
 
 def data_folder() -> Path | None:
     """The folder with measured data beside the checkout; None where there is none."""
-    folder = Path(__file__).parents[3] / "shared" / "data"
+    folder = SHARED / "data"
     return folder if folder.is_dir() else None
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-SHARED = Path(__file__).resolve().parents[3].parent / "shared"
+from tests.shared_data import SHARED
+
 ELEMENT_CODES = {"uint8": 1, "uint32": 5, "int32": 6, "uint64": 7, "float32": 10, "float64": 11}
 
 Fields = dict[str, np.ndarray]

@@ -2,7 +2,6 @@
 
 import dataclasses
 import pickle
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,8 +14,9 @@ from fitters.scenes.geometry import sphere as seen_sphere
 from fitters.scenes.rings import ring_energies
 from fitters.scenes.sampled import sampled_table
 from fitters.scenes.sphere import sphere_light, sphere_table
+from tests.shared_data import SHARED
 
-GRACE = Path(__file__).parents[4] / "shared/data/envmaps/grace_probe_latlong.hdr"
+GRACE = SHARED / "data/envmaps/grace_probe_latlong.hdr"
 SMALL = Scene()
 
 

@@ -2,7 +2,6 @@
 
 import importlib.util
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +9,8 @@ import pytest
 from fitters.materials.material import from_samples
 from fitters.models.power_iterations import Settings, extract
 from tests.fitters.models.power_iterations.closed_forms import direction
+from tests.shared_data import SHARED
 
-SHARED = Path(__file__).resolve().parents[3].parent / "shared"
 NUMBERS = SHARED / "data/power_iterations_reference"
 NETWORKS = SHARED / "data/merl/nbrdf.npz"
 SYNTHETIC = {
