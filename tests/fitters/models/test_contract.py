@@ -47,6 +47,18 @@ def test_models_of_a_rough_material_pass_the_suite(name, fitted):
     check_model(fitted(name, ROUGH), (45,))
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name in MODELS if name not in FLOATS])
+def test_every_formula_samples_as_it_says_at_all_views(name, problem_of):
+    check_fitter(MODELS[name], problem_of(GLOSSY))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [*TABLES, "ggx"])
+def test_models_of_a_rough_material_sample_as_they_say_at_all_views(name, fitted):
+    check_model(fitted(name, ROUGH))
+
+
 def test_an_anisotropic_model_passes_the_suite():
     check_model(power_iterations.extract_anisotropic(BRUSHED.brdf).model)
 
